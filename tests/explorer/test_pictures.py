@@ -15,12 +15,12 @@ from vibrosweep.explorer import pictures
 from vibrosweep.explorer.pictures import (
     Axis,
     View,
+    curves_over,
     evenly,
     nearest,
     raster,
     spread_out,
     visible_rows,
-    window_ends,
 )
 from vibrosweep.explorer.points import Column, of_result, with_borders
 from vibrosweep.explorer.views import PlaneView
@@ -231,7 +231,7 @@ def test_a_sample_of_many_points_is_even():
 
 def drawn(points, axes, **columns):
     more = {name: Column(name, np.asarray(values, float)) for name, values in columns.items()}
-    return window_ends(replace(points, columns={**points.columns, **more}), axes)
+    return curves_over(replace(points, columns={**points.columns, **more}), axes)
 
 
 def test_ends_of_windows_over_restitution_and_amplitude(points):

@@ -82,12 +82,12 @@ def test_the_curves_are_those_of_the_base_and_of_its_acceleration(base):
             amplitudes = window_curves(*view, Forcing("A", base, f, g), [2])
             accelerations = window_curves(*view, Forcing("G", base, name="base_acceleration"), [2])
             (one,) = [c for c in accelerations if c.is_upper == is_upper]
-            gamma = end(2, one.restitution, f, g, **chosen) * 2.0 * np.pi * f / g
-            np.testing.assert_allclose(one.forcing, gamma / (1.0 + one.restitution), rtol=1e-14)
+            gamma = end(2, one.x, f, g, **chosen) * 2.0 * np.pi * f / g
+            np.testing.assert_allclose(one.y, gamma / (1.0 + one.x), rtol=1e-14)
             for curve in amplitudes:
                 if curve.is_upper == is_upper:
-                    exact = end(2, curve.restitution, f, g, **chosen)
-                    np.testing.assert_array_equal(curve.forcing, exact)
+                    exact = end(2, curve.x, f, g, **chosen)
+                    np.testing.assert_array_equal(curve.y, exact)
 
 
 def test_a_forcing_given_as_acceleration_is_drawn_as_such(sweep):

@@ -47,7 +47,7 @@ def require_bokeh() -> None:
 
 
 class Explorer:
-    """The page of a result, which a notebook shows where this is the value of a cell.
+    """The page of a result, which a notebook shows as the value of a cell.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def explore(result: str | os.PathLike[str] | xr.Dataset, *, port: int = 0) -> Ex
         The path of a result of `run`, `windows`, `bifurcation`, `basins`, `orbits` or `branches`,
         or the dataset that such a function returns.
     port
-        Of this machine; 0, the default, for a free one.
+        Port on this machine; 0, the default, chooses a free one.
 
     Returns
     -------

@@ -19,14 +19,14 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, distance_transform_edt
 
-from vibrosweep import analysis, theory
+from vibrosweep import analysis
 from vibrosweep.analysis.records import BaseMotion, base_motion, course, recoils
 from vibrosweep.arrays import Array
 from vibrosweep.explorer.points import Points
 from vibrosweep.figures.paint import Cells, commonest, grid_cells
-from vibrosweep.figures.windows import per_amplitude
+from vibrosweep.figures.records import highest, parabolas
+from vibrosweep.figures.windows import CURVE_SAMPLES, WindowEnd, window_ends
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.orbit_theory import lower_end
 from vibrosweep.model.shapes import SINE
 from vibrosweep.theory import FIXED
 
@@ -98,27 +98,21 @@ def heights(record: xr.Dataset) -> Heights:
     end, gravity = float(one["duration"]), float(one["gravity"])
     base = base_motion(one, "heights")
     found = course(one, base, end)
-    particle, flight = np.nonzero(found.flies)
-    at = (particle, flight)
-    start, stop = found.start[at], found.end[at]
-    velocity, low = found.velocity[at], found.height[at]
-    half = (stop - start) / 2.0
+    curves = parabolas(found, gravity)
     flights: Columns = {
-        "particle": particle,
-        "start": start,
-        "end": stop,
-        "velocity": velocity,
-        "y_start": low,
-        "y_end": low + velocity * (stop - start) - gravity * (stop - start) ** 2 / 2.0,
-        "cx": start + half,
-        "cy": low + velocity * half,
+        "particle": np.nonzero(found.flies)[0],
+        "start": curves[:, 0, 0],
+        "end": found.end[found.flies],
+        "velocity": found.velocity[found.flies],
+        "y_start": curves[:, 0, 1],
+        "y_end": curves[:, 2, 1],
+        "cx": curves[:, 1, 0],
+        "cy": curves[:, 1, 1],
     }
     begin = min(0.0, float(one["launch_time"].min()))
     moved = _base(one, base, begin, end)
-    rise = np.clip(velocity / gravity, 0.0, stop - start)
-    tops = low + rise * (velocity - gravity * rise / 2.0)
     levels = moved["height"]
-    top, bottom = max(float(tops.max(initial=0.0)), float(levels.max())), float(levels.min())
+    top, bottom = max(highest(found, gravity), float(levels.max())), float(levels.min())
     span = ((begin, end), (bottom, top if top > bottom else bottom + 1.0))
     return Heights(flights, _stays(one, base, end), moved, span)
 
@@ -359,22 +353,11 @@ def spread_out(x: Array, y: Array) -> Iterator[int]:
         cells *= 2
 
 
-MODES: Final = (1, 2, 3)
-OF_CURVE: Final = 201
 # Parameters, apart from the forcing, on which the ends of a window depend
 SOURCES: Final = ("restitution", "frequency", "gravity")
 
 
-class WindowEnd(NamedTuple):
-    """An end of the window of mode k along the axes of a plane."""
-
-    mode: int
-    is_upper: bool
-    x: Array
-    y: Array
-
-
-def window_ends(points: Points, axes: tuple[str, str]) -> tuple[list[WindowEnd], str]:
+def curves_over(points: Points, axes: tuple[str, str]) -> tuple[list[WindowEnd], str]:
     """Curves A_min and A_max of the modes over a plane, converted to the forcing on its axis.
 
     Returns the curves that cross the range of the points, and the reason if there are none.
@@ -389,32 +372,21 @@ def window_ends(points: Points, axes: tuple[str, str]) -> tuple[list[WindowEnd],
         return [], "closed forms are drawn where an axis is the forcing"
     other = axes[1 - axes.index(forcing)]
     along = _span(points.columns[other].values)
-    known: dict[str, Array | float] = {}
+    known = []
     for name in SOURCES:
         value = along if name == other else _common(points, name)
         if value is None:
             return [], f"closed forms depend on {name}, which differs between the points"
-        known[name] = value
+        known.append(np.asarray(value))
     low, high = _range(points.columns[forcing].values)
     found = []
-    for is_upper in (False, True):
-        for mode in MODES:
-            values = _end(mode, is_upper, forcing, base, known) * np.ones_like(along)
-            if np.any((values > low) & (values < high)):
-                pair = (along, values) if axes[1] == forcing else (values, along)
-                found.append(WindowEnd(mode, is_upper, *pair))
+    e, frequency, gravity = known
+    for mode, is_upper, end in window_ends(forcing, base, e, frequency, gravity):
+        values = end * np.ones_like(along)
+        if np.any((values > low) & (values < high)):
+            pair = (along, values) if axes[1] == forcing else (values, along)
+            found.append(WindowEnd(mode, is_upper, *pair))
     return found, "" if found else "no window of modes 1 to 3 ends in this range"
-
-
-def _end(
-    mode: int, is_upper: bool, forcing: str, base: str, known: Mapping[str, Array | float]
-) -> Array:
-    e, frequency, gravity = (np.asarray(known[name]) for name in SOURCES)
-    if is_upper:
-        amplitude = theory.amplitude_max(mode, e, frequency, gravity, base=base)
-    else:
-        amplitude = lower_end(mode, e, frequency, gravity, base)
-    return np.asarray(amplitude * per_amplitude(forcing, e, frequency, gravity))
 
 
 def _common(points: Points, name: str) -> float | None:
@@ -431,4 +403,4 @@ def _range(values: Array) -> tuple[float, float]:
 
 
 def _span(values: Array) -> Array:
-    return np.linspace(*_range(values), OF_CURVE)
+    return np.linspace(*_range(values), CURVE_SAMPLES)

@@ -308,7 +308,7 @@ def open_points(path: Path) -> Points:
 
 
 def points_of(dataset: xr.Dataset) -> Points:
-    """Points of a dataset in memory, whose kind its dims tell."""
+    """Points of a dataset in memory; its dims tell of what kind it is."""
     kind = next((name for dim, name in DIMS.items() if dim in dataset.dims), SWEEP.name)
     several = [name for name, v in dataset.data_vars.items() if "particle" in v.dims]
     shown = dataset.drop_vars(several) if kind == SWEEP.name else dataset

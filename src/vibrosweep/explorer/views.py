@@ -54,19 +54,19 @@ from vibrosweep.explorer.pictures import (
     Axis,
     Columns,
     View,
-    WindowEnd,
+    curves_over,
     even_cells,
     heights,
     is_window,
     nearest,
     raster,
     visible_rows,
-    window_ends,
 )
 from vibrosweep.explorer.points import SYMBOLS, Column, Points
 from vibrosweep.explorer.words import TABLE
 from vibrosweep.figures.paint import scale_ends
 from vibrosweep.figures.style import OKABE_ITO
+from vibrosweep.figures.windows import name_places
 
 # Most pixels along an axis, more than screens have: an array of them must fit in memory
 MOST_PIXELS: Final = 8192
@@ -118,10 +118,6 @@ def inner_pixels(plot: Any, guess: tuple[int, int]) -> tuple[int, int]:
 GREY: Final = "#b5b5b5"
 NAMED: Final = (*OKABE_ITO, GREY)
 UNKNOWN: Final = "rgba(0, 0, 0, 0)"
-# Where names of curves may be, as a share of the visible part, the best first; and by how much of
-# the plane they are apart, if possible
-NAMED_AT: Final = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9)
-APART: Final = 0.2
 
 
 class Scale(NamedTuple):
@@ -504,6 +500,8 @@ MARGIN: Final = 0.03
 REACH: Final = 12.0
 PLANE_HEIGHT: Final = 430
 PLANE_GUESS: Final = (PLANE_HEIGHT, PLANE_HEIGHT)
+# For the places of names, which are half as wide again as those of a figure of the same size
+PLANE_INCHES: Final = (3.0, 3.0)
 SMALL: Final = {"text_font_size": "11px", "text_baseline": "middle"}
 SUBSCRIPTS: Final = {False: "min", True: "max"}
 DIGITS: Final = "{%.6g}"  # of the numbers beside the pointer
@@ -542,12 +540,11 @@ class PlaneView:
         self.regular = regular and even_cells(*map(self.values, points.varied[:2])) is not None
         self.source = empty_source("x", "y", "value", "alpha", "marker", "said")
         self.image = empty_source("image", "x", "y", "dw", "dh")
-        self.solid = empty_source("xs", "ys")
-        self.dashed = empty_source("xs", "ys")
+        self.ends = empty_source("xs", "ys", "dash")
         self.names = empty_source("x", "y", "text")
         self.chosen, self.pinned = empty_source("x", "y"), empty_source("x", "y")
         self.borders = empty_source("xs", "ys", "name", "dash")
-        self.curves = (self.solid, self.dashed, self.names, self.borders)
+        self.curves = (self.ends, self.names, self.borders)
         self.why_no_curves = ""
         self.figure = self._figure()
         self.show()
@@ -586,8 +583,7 @@ class PlaneView:
             selection_line_color="black",
             nonselection_fill_alpha=0.15,
         )
-        for source, dash in ((self.solid, "solid"), (self.dashed, "dashed")):
-            plot.multi_line("xs", "ys", source=source, line_color="black", line_dash=dash)
+        plot.multi_line("xs", "ys", source=self.ends, line_color="black", line_dash="dash")
         lines = {"line_dash": "dash", "line_width": 2.0, "line_color": "#c2006f"}
         drawn = plot.multi_line("xs", "ys", source=self.borders, **lines)
         plot.add_tools(HoverTool(renderers=[drawn], tooltips=[("orbit", "@name")]))
@@ -723,10 +719,12 @@ class PlaneView:
         }
 
     def _show_curves(self) -> None:
-        ends, self.why_no_curves = window_ends(self.points, (self.x, self.y))
-        for source, is_upper in ((self.solid, False), (self.dashed, True)):
-            shown = [end for end in ends if end.is_upper == is_upper]
-            source.data = {"xs": [end.x for end in shown], "ys": [end.y for end in shown]}
+        ends, self.why_no_curves = curves_over(self.points, (self.x, self.y))
+        self.ends.data = {
+            "xs": [end.x for end in ends],
+            "ys": [end.y for end in ends],
+            "dash": ["dashed" if end.is_upper else "solid" for end in ends],
+        }
         borders = [one for one in self.points.borders if {self.x, self.y} <= one.values.keys()]
         self.borders.data = {
             "xs": [one.values[self.x] for one in borders],
@@ -734,12 +732,13 @@ class PlaneView:
             "name": [one.name for one in borders],
             "dash": [one.dash for one in borders],
         }
-        places = _places(ends, limits(self.values(self.x)), limits(self.values(self.y)))
+        views = limits(self.values(self.x)), limits(self.values(self.y))
+        named = [*name_places(ends, *views, PLANE_INCHES)]
         forcing = SYMBOLS.get(self.y, SYMBOLS.get(self.x, ""))
         self.names.data = {
-            "x": [place[0] for place in places],
-            "y": [place[1] for place in places],
-            "text": [f"{forcing} {SUBSCRIPTS[end.is_upper]}({end.mode})" for end in ends],
+            "x": [end.x[at] for end, at in named],
+            "y": [end.y[at] for end, at in named],
+            "text": [f"{forcing} {SUBSCRIPTS[end.is_upper]}({end.mode})" for end, _ in named],
         }
 
 
@@ -749,23 +748,6 @@ def limits(values: Array) -> tuple[float, float]:
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     margin = MARGIN * high - MARGIN * low or 0.5
     return max(low - margin, -LARGEST), min(high + margin, LARGEST)
-
-
-def _places(
-    ends: Sequence[WindowEnd], across: tuple[float, float], up: tuple[float, float]
-) -> list[tuple[float, float]]:
-    """Places for the names of curves, on their visible parts and away from each other."""
-    unit = np.array([np.ptp(across), np.ptp(up)])
-    taken, places = np.full((1, 2), np.inf), []
-    for end in ends:
-        inside = (end.x > across[0]) & (end.x < across[1]) & (end.y > up[0]) & (end.y < up[1])
-        visible = np.stack([end.x, end.y], axis=1)[inside]
-        tried = visible[np.round(np.array(NAMED_AT) * (len(visible) - 1)).astype(int)]
-        distance = np.hypot(*((tried[:, np.newaxis] - taken) / unit).T).min(axis=0)
-        place = tried[np.argmax(np.minimum(distance, APART))]
-        taken = np.concatenate([taken, place[np.newaxis]])
-        places.append((float(place[0]), float(place[1])))
-    return places
 
 
 TEMPLATE: Final = (Path(__file__).parent / "page.html").read_text("utf-8")

@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     )
     from vibrosweep.figures.records import height_time, return_map
     from vibrosweep.figures.registry import available, save_all
-    from vibrosweep.figures.shares import share_curves
     from vibrosweep.figures.sweeps import (
         height_against_restitution,
         parameter_plane,
         separation_distributions,
         separations_over_chance,
+        share_curves,
         sobol_bars,
     )
     from vibrosweep.figures.windows import stability_windows
@@ -69,13 +69,13 @@ _HOMES: Final = {
     name: f"vibrosweep.figures.{home}"
     for home, names in {
         "style": ["style"],
-        "shares": ["share_curves"],
         "records": ["height_time", "return_map"],
         "sweeps": [
             "height_against_restitution",
             "parameter_plane",
             "separation_distributions",
             "separations_over_chance",
+            "share_curves",
             "sobol_bars",
         ],
         "windows": ["stability_windows"],

@@ -168,7 +168,7 @@ def kick(dataset: xr.Dataset) -> Array:
 
 
 def merged(values: Array) -> Array:
-    """Return values of which those that differ only by rounding are made equal."""
+    """Make values equal that differ only by rounding."""
     sorts, place = np.unique(values, return_inverse=True)
     apart = ~(np.diff(sorts, prepend=-np.inf) <= ROUNDING * np.abs(sorts))  # so is NaN, the last
     first = np.maximum.accumulate(np.where(apart, np.arange(sorts.size), 0))

@@ -35,6 +35,8 @@ from vibrosweep.model.orbit_theory import lower_end
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["highest", "parabolas"]
+
 HEIGHT_NEEDS: Final = data.Requirements(
     (
         "landing_time",

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ from vibrosweep.model.orbit_theory import lower_end
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["per_amplitude"]
+__all__ = ["CURVE_SAMPLES", "WindowEnd", "name_places", "window_ends"]
 
 Interval = tuple[int, float, float]  # position of a restitution, lower and upper end
 
@@ -37,14 +37,14 @@ NONE_FOUND: Final = ": no window found"
 OF_DIRECTIONS: Final = (style.OKABE_ITO[2], style.OKABE_ITO[5], style.OKABE_ITO[4])
 TINT: Final = 0.2  # opacity of the windows of locked orbits, which overlap
 MODES: Final = (1, 2, 3)
-SAMPLES: Final = 201
+CURVE_SAMPLES: Final = 201
 # Where a lower and an upper end is named at best, as a share of its visible part: the lower ends
 # meet at e = 1, the upper ones at both sides
 NAMED_AT: Final = (0.45, 0.25)
 PLACES: Final = np.linspace(0.08, 0.92, 29)  # where else, as such shares
 # Inches between the middle of a name and the other names, and other curves, if possible
 FROM_NAMES, FROM_CURVES = 0.5, 0.15
-SHORTEST: Final = SAMPLES // 20  # visible part that has room for a name
+SHORTEST: Final = CURVE_SAMPLES // 20  # visible part that has room for a name
 
 
 @style.styled
@@ -257,14 +257,29 @@ class Forcing:
     name: str = "amplitude"  # name of the forcing, one of `vibrosweep.model.forcing.FORCINGS`
 
 
-@dataclass(frozen=True)
-class Curve:
-    """An end of the window of mode k: the onset of existence, or of instability, of the orbit."""
+class WindowEnd(NamedTuple):
+    """An end of the window of mode k: where its orbit begins to exist, or to be unstable."""
 
     mode: int
     is_upper: bool
-    restitution: Array
-    forcing: Array
+    # the coordinates; one is the forcing
+    x: Array
+    y: Array
+
+
+def window_ends(
+    name: str,
+    base: str,
+    e: Array,
+    frequency: float | Array,
+    gravity: float | Array,
+    modes: Sequence[int] = MODES,
+) -> Iterator[tuple[int, bool, Array]]:
+    """Yield the mode of each end of a window, whether it is the upper one, and its forcing."""
+    scale = per_amplitude(name, e, frequency, gravity)
+    for is_upper, end in (False, lower_end), (True, theory.amplitude_max):
+        for mode in modes:
+            yield mode, is_upper, end(mode, e, frequency, gravity, base) * scale
 
 
 def window_curves(
@@ -272,21 +287,16 @@ def window_curves(
     y_range: tuple[float, float],
     forcing: Forcing,
     modes: Sequence[int] = MODES,
-) -> list[Curve]:
+) -> list[WindowEnd]:
     """Return the ends of the windows of the modes that cross the view.
 
     The view is a range of the restitution and one of the forcing.
     """
-    e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), SAMPLES)
-    scale = per_amplitude(forcing.name, e, forcing.frequency, forcing.gravity)
-    ends = (False, lower_end), (True, theory.amplitude_max)
-    curves = [
-        Curve(k, is_upper, e, end(k, e, forcing.frequency, forcing.gravity, forcing.base) * scale)
-        for is_upper, end in ends
-        for k in modes
-    ]
+    e = np.linspace(max(x_range[0], 0.0), min(x_range[1], 1.0), CURVE_SAMPLES)
+    given = forcing.name, forcing.base, e, forcing.frequency, forcing.gravity
+    ends = (WindowEnd(k, is_upper, e, y) for k, is_upper, y in window_ends(*given, modes))
     low, high = y_range
-    return [c for c in curves if np.any((c.forcing > low) & (c.forcing < high))]
+    return [end for end in ends if np.any((end.y > low) & (end.y < high))]
 
 
 def per_amplitude(name: str, e: Array, frequency: float | Array, gravity: float | Array) -> Array:
@@ -311,34 +321,20 @@ def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[in
     curves = window_curves(axes.get_xlim(), axes.get_ylim(), forcing, modes)
     for curve in curves:
         axes.plot(
-            curve.restitution,
-            curve.forcing,
+            curve.x,
+            curve.y,
             color="black",
             linewidth=1.0,
             linestyle=(0, (4, 1.5)) if curve.is_upper else "-",
             path_effects=style.halo() if over else None,
             zorder=3.0 if over else 0.9,
         )
-    low, high = axes.get_ylim()
-    inches = [_in_inches(axes, curve) for curve in curves]
-    names = np.full((1, 2), np.inf)
-    for i, curve in enumerate(curves):
-        seen = np.flatnonzero((curve.forcing > low) & (curve.forcing < high))
-        if seen.size < SHORTEST:
-            continue
-        near = sorted(PLACES, key=lambda part: abs(part - NAMED_AT[curve.is_upper]))
-        places = np.clip(seen[(np.array(near) * seen.size).astype(int)], 1, SAMPLES - 2)
-        others = np.concatenate([*inches[:i], *inches[i + 1 :], np.full((1, 2), np.inf)])
-        free = sum(
-            np.minimum(np.hypot(*(inches[i][places, np.newaxis] - taken).T).min(axis=0), enough)
-            for taken, enough in ((names, FROM_NAMES), (others, FROM_CURVES))
-        )
-        at = int(places[np.argmax(free)])
-        names = np.concatenate([names, inches[i][[at]]])
+    across, up = axes.get_xlim(), axes.get_ylim()
+    for curve, at in name_places(curves, across, up, style.room(axes)):
         end = r"\mathrm{max}" if curve.is_upper else r"\mathrm{min}"
         axes.text(
-            curve.restitution[at],
-            curve.forcing[at],
+            curve.x[at],
+            curve.y[at],
             rf"${{{forcing.symbol}}}_{{{end}}}({curve.mode})$",
             rotation=_slope(curve, at),
             rotation_mode="anchor",
@@ -352,14 +348,38 @@ def draw_windows(axes: Axes, forcing: Forcing, *, over: bool, modes: Sequence[in
         )
 
 
-def _in_inches(axes: Axes, curve: Curve) -> Array:
-    """Points of a curve, shape (sample, 2), in inches from the corner of the axes."""
-    ends = np.array([axes.get_xlim(), axes.get_ylim()])
-    points = np.stack([curve.restitution, curve.forcing], axis=1)
-    return np.asarray((points - ends[:, 0]) / np.ptp(ends, axis=1) * style.room(axes))
+def name_places(
+    curves: Sequence[WindowEnd],
+    across: tuple[float, float],
+    up: tuple[float, float],
+    inches: Sequence[float],
+) -> Iterator[tuple[WindowEnd, int]]:
+    """Yield the curves that have room for a name, each with the sample at which it stands.
+
+    The view has the ranges `across` and `up`, and a width and height in inches.  Names stand apart
+    from each other and from other curves, if possible.
+    """
+    low, size = np.array([across, up]).T[0], np.ptp([across, up], axis=1)
+    points = [(np.stack([c.x, c.y], axis=1) - low) / size * inches for c in curves]
+    names = np.full((1, 2), np.inf)
+    for i, curve in enumerate(curves):
+        inside = (curve.x >= across[0]) & (curve.x <= across[1])
+        seen = np.flatnonzero(inside & (curve.y > up[0]) & (curve.y < up[1]))
+        if seen.size < SHORTEST:
+            continue
+        near = sorted(PLACES, key=lambda part: abs(part - NAMED_AT[curve.is_upper]))
+        places = np.clip(seen[(np.array(near) * seen.size).astype(int)], 1, len(curve.x) - 2)
+        others = np.concatenate([*points[:i], *points[i + 1 :], np.full((1, 2), np.inf)])
+        free = sum(
+            np.minimum(np.hypot(*(points[i][places, np.newaxis] - taken).T).min(axis=0), enough)
+            for taken, enough in ((names, FROM_NAMES), (others, FROM_CURVES))
+        )
+        at = int(places[np.argmax(free)])
+        names = np.concatenate([names, points[i][[at]]])
+        yield curve, at
 
 
-def _slope(curve: Curve, at: int) -> float:
+def _slope(curve: WindowEnd, at: int) -> float:
     """Angle of a curve in degrees of data space; the text turns with the scale of the axes."""
-    run = curve.restitution[at + 1] - curve.restitution[at - 1]
-    return float(np.degrees(np.arctan2(curve.forcing[at + 1] - curve.forcing[at - 1], run)))
+    run = curve.x[at + 1] - curve.x[at - 1]
+    return float(np.degrees(np.arctan2(curve.y[at + 1] - curve.y[at - 1], run)))

@@ -109,7 +109,7 @@ def size_of(proved: Proved | list[Proved]) -> float:
 
 
 class LandingErrors(NamedTuple):
-    """Largest errors of the numbers of a `vibrosweep.model.observables.Stay`, in its units."""
+    """Largest errors of the numbers of a `vibrosweep.model.observables.Landing`, in its units."""
 
     phase: float
     flight_time: float

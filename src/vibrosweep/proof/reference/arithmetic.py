@@ -48,6 +48,7 @@ class UndecidableError(VibrosweepError, ArithmeticError):
 
 
 try:
+    from flint import acb as acb
     from flint import arb as arb
     from flint import arb_mat as arb_mat
     from flint import ctx as ctx
@@ -125,6 +126,27 @@ def accuracy_bits(digits: int) -> int:
 def nearest_integer(ball: arb) -> int:
     """Integer next to the midpoint: a choice of representation, so never uncertain."""
     return int((ball.mid() + HALF).mid().floor().fmpz())  # the sum may round
+
+
+# Derivative of a function, of an order from 0 up; a ball of arguments gives bounds
+Course: TypeAlias = Callable[[int, arb], arb]
+
+
+def narrowed(c: Course, root: arb) -> arb:
+    """Narrow a ball that holds one zero, and in which the slope has one sign, to the precision.
+
+    The interval Newton operator (Moore 1966) narrows it, or the sign in the middle halves it.
+    """
+    while True:
+        middle = root.mid()
+        off, slopes = c(0, middle), c(1, root)
+        closer = root.intersection(middle - off / slopes)
+        if not 2 * closer.rad() < root.rad() and (off > 0 or off < 0):
+            before = bool(off > 0) == bool(slopes > 0)
+            closer = (root.lower() if before else root.upper()).union(middle)
+        if not 4 * closer.rad() < 3 * root.rad():  # at the precision, a half has rounded ends
+            return closer
+        root = closer
 
 
 def first_precision(digits: int) -> int:

@@ -24,11 +24,13 @@ from vibrosweep.model.restitution_laws import Law as OutsideLaw
 from vibrosweep.model.shapes import HARMONICS_NAME, PARABOLIC_NAME, SINE, Waveform
 from vibrosweep.proof.reference.arithmetic import (
     FRAME_BITS,
+    Course,
     Jet,
     UncertainError,
     arb,
     certain_above,
     ctx,
+    narrowed,
     nearest_integer,
 )
 
@@ -215,16 +217,14 @@ class _Harmonics(Wave):
         return total
 
     def rises(self, a: arb, r: arb, impact: int) -> list[arb]:
-        found = crossings(
-            lambda x: a * self.velocity(2 * x) - r, lambda x: a * self.slope(2 * x), impact
-        )
+        kick = self.velocity, self.slope
+        found = crossings(lambda n, x: a * kick[n](2 * x) - (ZERO if n else r), impact)
         return [x for x, rising in found if rising]
 
     def falls(self, alpha: arb, impact: int) -> tuple[list[arb], list[arb]]:
         half = alpha / 2
-        found = crossings(
-            lambda x: 1 + half * self.slope(2 * x), lambda x: half * self.rate(2 * x), impact
-        )
+        press = self.slope, self.rate
+        found = crossings(lambda n, x: half * press[n](2 * x) + (ZERO if n else 1), impact)
         return [x for x, rising in found if not rising], [x for x, rising in found if rising]
 
 
@@ -297,13 +297,11 @@ def wave_of(waveform: Waveform) -> Wave:
     return _Triangle() if waveform.name == PARABOLIC_NAME else SINE_WAVE
 
 
-def crossings(
-    value: Callable[[arb], arb], slope: Callable[[arb], arb], impact: int
-) -> list[tuple[arb, bool]]:
+def crossings(c: Course, impact: int) -> list[tuple[arb, bool]]:
     """All zeros in a period of a function of the phase in turns, and whether it rises there.
 
     Pieces of the period are halved until balls prove that the function has no zero, or is monotone,
-    over the whole piece.  The interval Newton operator narrows the zeros that are found.
+    over the whole piece.
     """
     least = arb(2) ** (-FRAME_BITS // 2)
     step = ONE / PIECES
@@ -313,36 +311,22 @@ def crossings(
         low, high = pieces.pop()
         with ctx.workprec(FRAME_BITS):
             piece = low.union(high)
-            over = value(piece)
+            over = c(0, piece)
             if over > 0 or over < 0:
                 continue
-            slopes = slope(piece)
+            slopes = c(1, piece)
         if slopes > 0 or slopes < 0:
-            before, after = value(low), value(high)
+            before, after = c(0, low), c(0, high)
             if not (before > 0 or before < 0) or not (after > 0 or after < 0):
                 raise UncertainError("a phase at which a rest may end", impact)
             if bool(before > 0) != bool(after > 0):
-                found.append((_narrowed(value, slope, piece), bool(after > 0)))
+                found.append((narrowed(c, piece), bool(after > 0)))
             continue
         if high - low < least:
             raise UncertainError("a phase at which a rest may end", impact)
         middle = ((low + high) / 2).mid()
         pieces += [(middle, high), (low, middle)]
     return found
-
-
-def _narrowed(value: Callable[[arb], arb], slope: Callable[[arb], arb], root: arb) -> arb:
-    """Narrow a ball that holds one zero, and in which the slope has one sign, to the precision."""
-    while True:
-        middle = root.mid()
-        off, slopes = value(middle), slope(root)
-        closer = root.intersection(middle - off / slopes)
-        if not 2 * closer.rad() < root.rad():
-            if not (off > 0 or off < 0):
-                return closer
-            before = bool(off > 0) == bool(slopes > 0)  # where Newton's operator does not narrow it
-            closer = (root.lower() if before else root.upper()).union(middle)
-        root = closer
 
 
 def next_of(phases: Sequence[arb], turns: arb, impact: int) -> arb:
@@ -545,6 +529,22 @@ class Random(Restitution):
 
     def __init__(self, law: Restitution, slip: arb, push: arb, thrown: bool) -> None:
         self._law, self._slip, self._push, self._thrown = law, slip, push, thrown
+
+    @classmethod
+    def drawn(
+        cls,
+        law: Restitution,
+        p: Mapping[str, arb],
+        unit: arb,
+        deviates: tuple[float, float],
+        thrown: bool,
+    ) -> Random:
+        """Law with the deviates of the restitution and of the kick; `unit` is that of speeds."""
+        slip, push = deviates
+        size = p.get("restitution_noise", ZERO)
+        size += p.get("restitution_noise_relative", ZERO) * p["restitution"]
+        kick = (1 + p["restitution"]) * p.get("kick_noise", ZERO)
+        return cls(law, size * slip, kick * push / unit, thrown)
 
     def share(self, v: arb) -> arb:
         """Share of v that is left, from 0 to 1."""

@@ -10,17 +10,12 @@ particle is
     G(s) = s (y - s) / 2 - (alpha / 2) (W(x + s) - W(x) - s w(x))
 
 above the base, of velocity w and height W (`vibrosweep.proof.reference.laws`), after s periods.
-G'' >= -(1 + Gamma), where Gamma bounds alpha |w'| / 2.  For a while G'', G''' and a bound on the
-next derivative give a better bound, even where both are close to 0, as when a base of little more
-than 1 g throws a particle for a moment.  A base of finite mass has
-such bounds too.
-
-So a parabola of this curvature that touches G at any s with G(s) >= 0 stays below it; steps to
-where the parabola comes down pass no root and converge to the first one from below.  While the
-particle is above every height of the base there is no root, and one step goes to the end of that
-time.  The root at s = 0 is left by a step that is proved beforehand.  Once G > 0 at one end of an
-interval, G < 0 at the other and G' < 0 throughout, there is one root inside, and the interval
-Newton operator (Moore 1966) narrows it.
+A parabola that touches G at any s with G(s) >= 0, and has the largest curvature -G'' within a
+step, stays below G during that step.  Steps up to where the parabola comes down pass no root and
+converge to the first one from below; each may be twice as long as the last one, because the ball
+of a shorter interval gives a better bound on the curvature.  The root at s = 0 is left by a step
+that is proved beforehand.  Once G > 0 at one end of an interval, G < 0 at the other and G' < 0
+throughout, there is one root inside.
 """
 
 from __future__ import annotations
@@ -37,7 +32,7 @@ from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
 from vibrosweep.model.measures import Status
-from vibrosweep.proof.reference.arithmetic import Rows, UncertainError, arb, exact
+from vibrosweep.proof.reference.arithmetic import Course, Rows, UncertainError, arb, exact
 from vibrosweep.proof.reference.laws import (
     Laws,
     Random,
@@ -194,10 +189,7 @@ class TrajectoryProblem:
         """
         if self.deviates is None:
             return law
-        p, (slip, push) = self.balls, self.deviates.of_impact(impact - 1)
-        moved = (1 + p["restitution"]) * p["kick_noise"] * push / unit
-        size = p["restitution_noise"] + p["restitution_noise_relative"] * p["restitution"]
-        return Random(law, size * slip, moved, thrown)
+        return Random.drawn(law, self.balls, unit, self.deviates.of_impact(impact - 1), thrown)
 
 
 class ProvedLanding(NamedTuple):
@@ -283,9 +275,8 @@ class PeriodMap(Protocol):
         """
 
 
-# Steps; a flight takes about ten, and one that passes close above the base some dozens.
-MOST_STEPS: Final = 1000
-SHORTENING: Final = arb(1.0 - 2.0**-8)  # shortens the time above all heights of the base
+MOST_STEPS: Final = 10_000  # a flight takes about ten, and one that grazes the base some dozens
+FIRST_STEP: Final = arb(0.125)
 # How often, and by how much, an interval about a root is narrowed until it is proved to hold one.
 CLOSER: Final = 4
 NEARER: Final = arb(2.0**-16)
@@ -293,48 +284,30 @@ END: Final = arb.pos_inf()
 UNDECIDED: Final = "the flight grazes the base or lands"
 
 
-class ProvedCourse(Protocol):
-    """A function of time, positive until its first root."""
-
-    def height(self, s: arb) -> arb:
-        """Value."""
-
-    def slope(self, s: arb) -> arb:
-        """Derivative."""
-
-    def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
-        """Return c, minus the second derivative; its derivative c'; a bound on c'' and one on c."""
-
-    def above_all(self) -> tuple[arb, arb] | None:
-        """Interval of time without a root, if one is known."""
-        return None
-
-
-def first_root(c: ProvedCourse, start: arb, impact: int, until: arb = END) -> arb:
-    """Return a ball that holds the first root, with G' < 0 on all of it.
+def first_root(c: Course, start: arb, impact: int, until: arb = END) -> arb:
+    """Return a ball that holds the first root of a positive function, with G' < 0 on all of it.
 
     There is no root before `start`.  The search ends at `until`; the result is infinite if it has
     found none.  Raises an UncertainError, about that impact, where this precision cannot
     distinguish a graze from a landing.
     """
-    clear = c.above_all()
-    s, before = start, start
+    s = before = start
+    step = FIRST_STEP
     for _ in range(MOST_STEPS):
         if s > until:
             return END
-        height, slope = c.height(s), c.slope(s)
+        height, slope = c(0, s), c(1, s)
         if not height > 0:  # the closest approach to the root at this precision
             break
         if slope < 0:
             found = _bracket(c, s, (s - 2 * height / slope).upper())
             if found is not None:
                 return found
-        reached = (s + _step(c, s, height.lower(), slope.lower())).lower()
-        if clear is not None and clear[0] < reached < clear[1]:
-            reached = clear[1]
+        down = _down(height.lower(), slope.lower(), -c(2, s.union(s + step)))
+        reached = (s + down.min(step)).lower()
         if not reached > s:
             break
-        before, s = s, reached
+        before, s, step = s, reached, 2 * down.min(step)
     width = s - before
     for _ in range(CLOSER):  # there is no root before s
         found = _bracket(c, (s - width).upper(), (s + width).upper())
@@ -342,21 +315,6 @@ def first_root(c: ProvedCourse, start: arb, impact: int, until: arb = END) -> ar
             return found
         width *= NEARER
     raise UncertainError(f"whether {UNDECIDED}", impact)
-
-
-def _step(c: ProvedCourse, s: arb, height: arb, slope: arb) -> arb:
-    """Step that passes no root, from lower bounds of G(s), which is positive, and G'(s)."""
-    now, rate, growth, largest = c.curvature(s)
-    tried = step = _down(height, slope, largest)
-    while tried < 1:
-        tried = 4 * tried
-        then = now + tried * (rate + growth * tried / 2)
-        bend = now.max(then).min(largest)  # largest curvature during the step that is tried
-        down = _down(height, slope, bend)
-        if not down > tried:
-            return step.max(down.min(tried))
-        step = tried
-    return step
 
 
 def _down(height: arb, slope: arb, bend: arb) -> arb:
@@ -368,19 +326,8 @@ def _down(height: arb, slope: arb, bend: arb) -> arb:
     return (slope + reach) / bend if bend > 0 else arb.pos_inf()
 
 
-def _bracket(c: ProvedCourse, low: arb, high: arb) -> arb | None:
+def _bracket(c: Course, low: arb, high: arb) -> arb | None:
     """Interval between two times if it is proved to hold exactly one root, a landing."""
     interval = low.union(high)
-    proved = c.height(low) > 0 and c.height(high) < 0 and c.slope(interval) < 0
+    proved = c(0, low) > 0 and c(0, high) < 0 and c(1, interval) < 0
     return interval if proved else None
-
-
-def narrowed(c: ProvedCourse, root: arb) -> arb:
-    """Narrow a ball that holds a root and on which G' < 0, as far as the precision goes."""
-    while True:
-        middle = root.mid()
-        newton = middle - c.height(middle) / c.slope(root)
-        closer = root.intersection(newton)
-        if not 2 * closer.rad() < root.rad():
-            return closer
-        root = closer

@@ -32,6 +32,7 @@ from vibrosweep.proof.reference.arithmetic import (
     arb,
     certain_above,
     ctx,
+    narrowed,
     nearest_integer,
 )
 from vibrosweep.proof.reference.laws import (
@@ -47,7 +48,6 @@ from vibrosweep.proof.reference.laws import (
 )
 from vibrosweep.proof.reference.motion import (
     EPS,
-    SHORTENING,
     Carried,
     Contraction,
     Left,
@@ -57,7 +57,6 @@ from vibrosweep.proof.reference.motion import (
     Step,
     TrajectoryProblem,
     first_root,
-    narrowed,
 )
 
 ZERO, ONE = arb(0), arb(1)
@@ -102,12 +101,9 @@ class BallClearance:
         """Minus the second derivative, positive where the base presses a particle lying on it."""
         return 1 + self.alpha / 2 * self.wave.slope(2 * (self.x + s))
 
-    def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
-        """As `Course.curvature`."""
-        if self.bounds.bend.is_zero():  # the second derivative jumps
-            return 1 + self.gamma, arb(0), arb(0), 1 + self.gamma
-        rate = self.alpha / 2 * self.wave.rate(2 * (self.x + s))
-        return self.bend(s), rate, self.alpha / 2 * self.bounds.jolt, 1 + self.gamma
+    def derivative(self, order: int, s: arb) -> arb:
+        """G (0), G' (1) or G'' (2)."""
+        return (self.height, self.slope, lambda s: -self.bend(s))[order](s)
 
     def start(self) -> arb | None:
         """Time before which there is no root; None if uncertain."""
@@ -116,15 +112,6 @@ class BallClearance:
             until = (next_of(self.presses(), self.x, 0) - self.x).lower()
             return until if until > 0 else None
         return (self.y / (2 * (1 + self.gamma))).lower() if self.y > 0 else None
-
-    def above_all(self) -> tuple[arb, arb] | None:
-        """Interval of time in which the particle is above every height of the base."""
-        u = self.y + self.alpha * self.wave.velocity(2 * self.x)
-        below = self.bounds.top - self.wave.level(2 * self.x)
-        root = u * u - 4 * self.alpha * below
-        if not (u > 0 and root > 0):
-            return None
-        return ((u - root.sqrt()) / 2).upper(), ((u + SHORTENING * root.sqrt()) / 2).lower()
 
 
 @dataclass(frozen=True)
@@ -181,7 +168,7 @@ class MovingMap:
         start = c.start() if lift is None else (next_of(self.ends[1], lift, impact) - lift).lower()
         if start is None or not start > 0:
             raise UncertainError("whether the particle leaves the base", impact)
-        return narrowed(c, first_root(c, start, impact))
+        return narrowed(c.derivative, first_root(c.derivative, start, impact))
 
     def impact(self, x: arb, y: arb, s: arb | None, impact: int) -> Step:
         """Impact after a flight of `s` periods; `s` is None if the particle lands at once."""
@@ -325,7 +312,7 @@ class MovingMotion:
         s, rows = self._over_the_set(m, phase + self._flown, impact)
         with ctx.workprec(max(FRAME_BITS, min(ctx.prec, state.bits))):
             x = phase + state.flown
-            flight = None if s is None else narrowed(m.clearance(x, state.speed), s)
+            flight = None if s is None else narrowed(m.clearance(x, state.speed).derivative, s)
             centre = m.impact(x, state.speed, flight, impact)
             flown, speed = state.flown + centre.duration, centre.speed
         (by_flown, by_speed), below = rows

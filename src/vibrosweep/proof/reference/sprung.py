@@ -7,9 +7,9 @@ with the load l = n mu and nu = f0 / f of the mount,
 
     (1 + l) D'' + 2 zeta w0 D' + w0^2 D = -l (Yf'' + 2),        w0 = 2 pi nu
 
-D is the sum of a constant, forced oscillations and a free one, h.  As h'' + 2 Z h' + Q h = 0 with
-Z = zeta w0 / (1 + l) and Q = w0^2 / (1 + l), and all derivatives of h obey the same equation,
-(h^(k+1))^2 + Q (h^(k))^2 never grows: this bounds all of them from any instant on.
+D is the sum of a constant, forced oscillations and a free one, h, with h'' + 2 Z h' + Q h = 0,
+Z = zeta w0 / (1 + l) and Q = w0^2 / (1 + l).  (h''')^2 + Q (h'')^2 never grows, which bounds h''
+from any instant on.
 
 A particle of velocity v lands on a base of velocity V on which n particles ride, with the approach
 speed c = V - v.  mu is the mass ratio:
@@ -21,13 +21,14 @@ speed c = V - v.  mu is the mass ratio:
 * Else base and riders take the impact as one body: mu / (1 + n mu) replaces mu.
 
 The base presses its riders while it would not, alone, fall faster than gravity:
-Yf'' - 2 zeta w0 D' - w0^2 D > -2.  When that ends, all riders leave with its velocity.  Particles
-in the same state land in the order of their numbers; those that the recoiling base no longer
-approaches fly on.
+(1 + l) (Y'' + 2) = Yf'' + 2 - 2 zeta w0 D' - w0^2 D > 0.  When that ends, all riders leave with its
+velocity.  Particles in the same state land in the order of their numbers; those that the recoiling
+base no longer approaches fly on.
 
-The next event is proved to be the next: the first landing of every flight is enclosed, or proved to
-be later, and two enclosures that overlap require more precision.  Balls are carried from event to
-event as they are, so the precision needed grows with the number of landings of a particle.
+The next event is proved to be the next: `first_root` encloses the first landing of every flight and
+the first lift-off of the riders, or proves that they are later, and two enclosures that overlap
+require more precision.  Balls are carried from event to event as they are, so the precision needed
+grows with the number of landings.
 
 `coupled` takes parameters as the exact doubles that they are.  A landing at t' counts if and only
 if t' <= duration; the motion is followed until all particles in flight have landed.  A particle
@@ -41,7 +42,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from itertools import groupby
 from typing import Final, NamedTuple
 
@@ -49,28 +50,27 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.measures import Status
 from vibrosweep.model.shapes import PARABOLIC_NAME, SINE, Waveform
 from vibrosweep.proof.reference.arithmetic import (
-    FRAME_BITS,
+    Course,
     UncertainError,
     WidthLimits,
+    acb,
     arb,
     certain_above,
     ctx,
     decided,
     exact,
     first_precision,
+    narrowed,
     nearest_integer,
 )
-from vibrosweep.proof.reference.laws import Laws, Random, Restitution, Wave, wave_of
+from vibrosweep.proof.reference.laws import Laws, Random, Restitution
 from vibrosweep.proof.reference.motion import (
     END,
-    SHORTENING,
     Deviates,
-    ProvedCourse,
     ProvedFlight,
     ProvedImpact,
     Trajectory,
     first_root,
-    narrowed,
 )
 
 ZERO, HALF = arb(0), arb(0.5)
@@ -91,171 +91,18 @@ class ExactMount(NamedTuple):
         return self.waveform.name == PARABOLIC_NAME
 
     @property
-    def wave(self) -> Wave:
-        """Shape of the motion of the base without particles."""
-        return wave_of(self.waveform)
-
-
-class _Tone(NamedTuple):
-    """Coefficients of the cosine and the sine of a harmonic, in the time since an arc began."""
-
-    number: int
-    # forced, answered: of the height of the base, and of its deviation D
-    forced: tuple[arb, arb]
-    answered: tuple[arb, arb]
-
-
-class Tones:
-    """Forced oscillations under a load, from a phase in turns on.
-
-    Raises an UncertainError, about the next landing, at a resonance without damping.
-    """
-
-    def __init__(self, mount: ExactMount, x: arb, load: arb, impact: int) -> None:
-        self._tones = []
-        numbers = [h for h, _, _ in mount.waveform.tones] or [1]
-        for number, (u, v) in zip(numbers, mount.wave.at_liftoff(2 * x), strict=True):
-            turn = _turn(number)
-            bare = -mount.alpha * v / turn, mount.alpha * u / turn
-            c, d = _answer(mount, load, turn, bare, impact)
-            self._tones.append(_Tone(number, (bare[0] + c, bare[1] + d), (c, d)))
-        self._last: tuple[arb, list[tuple[arb, arb]]] | None = None
-
-    def _at(self, s: arb) -> list[tuple[arb, arb]]:
-        """Sine and cosine of each oscillation after s periods; the last ones are kept."""
-        if self._last is None or self._last[0] is not s:
-            self._last = s, [(2 * tone.number * s).sin_cos_pi() for tone in self._tones]
-        return self._last[1]
-
-    def derivative(self, order: int, s: arb) -> arb:
-        """Height after s periods (0), its velocity (1), acceleration (2), ..."""
-        total = ZERO
-        for (h, (c, d), _), (sine, cosine) in zip(self._tones, self._at(s), strict=True):
-            forced = d * cosine - c * sine if order % 2 else c * cosine + d * sine
-            total += forced * _turn(h) ** order * (-1) ** (order // 2)
-        return total
-
-    def since(self, s: arb) -> tuple[arb, arb]:
-        """Change of the height beyond uniform motion, and of the velocity, in s periods."""
-        far = fast = ZERO
-        for (h, (c, d), _), (sine, cosine) in zip(self._tones, self._at(s), strict=True):
-            far += c * (cosine - 1) + d * (sine - _turn(h) * s)
-            fast += _turn(h) * (d * (cosine - 1) - c * sine)
-        return far, fast
-
-    def answer(self, s: arb) -> tuple[arb, arb]:
-        """Forced part of D and of D' after s periods."""
-        height = rate = ZERO
-        for (h, _, (c, d)), (sine, cosine) in zip(self._tones, self._at(s), strict=True):
-            height += c * cosine + d * sine
-            rate += _turn(h) * (d * cosine - c * sine)
-        return height, rate
-
-    def most(self, order: int) -> arb:
-        """Bound on the modulus of a derivative."""
-        total = ZERO
-        for turn, size in self._sizes:
-            total += size * turn**order
-        return total
-
-    @cached_property
-    def _sizes(self) -> list[tuple[arb, arb]]:
-        return [
-            (_turn(tone.number), (tone.forced[0] ** 2 + tone.forced[1] ** 2).upper().sqrt())
-            for tone in self._tones
-        ]
-
-
-class ParabolicDrive:
-    """Parabolic motion under a load, from a phase in turns on until the next corner.
-
-    Its acceleration is constant, 4 alpha on the side 1 around phase 0 and -4 alpha on the side -1,
-    and so is the forced part of D.
-    """
-
-    def __init__(self, mount: ExactMount, x: arb, load: arb, side: int) -> None:
-        middle = nearest_integer(x) if side > 0 else nearest_integer(x - HALF) + HALF
-        self._y, self._pull = x - middle, 4 * side * mount.alpha
-        self._top = mount.alpha / 8
-        self._sag = -load * self._pull / (mount.natural * mount.natural)
-
-    def derivative(self, order: int, s: arb) -> arb:
-        """As in `Tones`."""
-        y = self._y + s
-        if order == 0:
-            top = self._top if self._pull > 0 else -self._top
-            return self._pull / 2 * y * y - top + self._sag
-        return self._pull * y if order == 1 else self._pull if order == 2 else ZERO
-
-    def since(self, s: arb) -> tuple[arb, arb]:
-        """As in `Tones`."""
-        return self._pull / 2 * s * s, self._pull * s
-
-    def answer(self, s: arb) -> tuple[arb, arb]:
-        """As in `Tones`."""
-        return self._sag, ZERO
-
-    def most(self, order: int) -> arb:
-        """As in `Tones`, until the next corner."""
-        sizes = (self._top + abs(self._sag), abs(self._pull) / 4, abs(self._pull))
-        return sizes[order] if order < len(sizes) else ZERO
-
-
-def _turn(number: int) -> arb:
-    """Angular frequency of a harmonic, per forcing period."""
-    return 2 * arb.pi() * number
-
-
-def _answer(
-    mount: ExactMount, load: arb, turn: arb, bare: tuple[arb, arb], impact: int
-) -> tuple[arb, arb]:
-    """Forced part of D under a load: coefficients, from those of the bare base."""
-    if load.is_zero():
-        return ZERO, ZERO
-    stiff = mount.natural * mount.natural - (1 + load) * turn * turn
-    drag = 2 * mount.damping * mount.natural * turn
-    size = stiff * stiff + drag * drag
-    if not size > 0:
-        raise UncertainError("whether the loaded base is driven at its resonance", impact)
-    push = load * turn * turn / size
-    c, d = bare
-    return push * (c * stiff - d * drag), push * (d * stiff + c * drag)
-
-
-# Number of derivatives of the height of the base that are needed.
-ORDERS: Final = 7
+    def tones(self) -> Sequence[tuple[int, float, float]]:
+        """Number, weight and phase of each harmonic of the velocity."""
+        return self.waveform.tones or (() if self.has_corners else ((1, 1.0, 0.0),))
 
 
 class Arc:
     """Motion of the base from an instant on, until an event changes it.
 
-    Attributes
-    ----------
-    level
-        Mean height.
-
-    Parameters
-    ----------
-    mount
-        The base.
-    x
-        Phase at the instant, turns.
-    state
-        D and D', `after` periods later.
-    riders
-        Number n of particles that ride.
-    after
-        Time between the instant and that state, which may be negative.
-    impact
-        Number of the next landing, for an error.
-    side
-        Side of the drive if its waveform has corners (`ParabolicDrive`); the arc ends at the next
-        corner.
-
-    Raises
-    ------
-    UncertainError
-        More precision is needed to decide the kind of its motion.
+    The state, D and D', is that `after` periods after an instant of phase x, or before it.  Times
+    s are those since the instant; balls that hold an interval give bounds on it.  Where the drive
+    has corners, the arc is that of the half turn from phase piece / 2 - 1/4 on.  Raises an
+    UncertainError, about the next landing, at a resonance without damping.
     """
 
     def __init__(
@@ -266,176 +113,78 @@ class Arc:
         riders: int,
         after: arb,
         impact: int,
-        side: int = 1,
+        piece: int = 0,
     ) -> None:
-        load = riders * mount.mass_ratio
-        mass, square = 1 + load, mount.natural * mount.natural
-        self._z, self._q = mount.damping * mount.natural / mass, square / mass
-        excess = mount.damping * mount.damping - mass  # its sign is that of Z^2 - Q
-        if not (excess > 0 or excess < 0 or excess.is_zero()):
-            raise UncertainError("whether the free base oscillates", impact)
-        self._excess = ZERO if excess.is_zero() else self._z * self._z - self._q
-        self.level = -2 * load / square
-        self._drive: Tones | ParabolicDrive = (
-            ParabolicDrive(mount, x, load, side)
-            if mount.has_corners
-            else Tones(mount, x, load, impact)
-        )
-        answered, rate = self._drive.answer(after)
-        self._free = self._carried(state[0] - self.level - answered, state[1] - rate, -after)
-        self._last: tuple[arb, tuple[arb, arb, arb]] | None = None
+        load, w0 = riders * mount.mass_ratio, mount.natural
+        mass, drag = 1 + load, 2 * mount.damping * w0
+        self._z, self._q = drag / (2 * mass), w0 * w0 / mass
+        self._root = w0 / mass * acb(mount.damping * mount.damping - mass).sqrt()
+        # i times each angular frequency, and complex amplitudes of the height and of D
+        self._tones = []
+        for number, weight, phase in mount.tones:
+            rate, answer = acb(0, 2 * arb.pi() * number), acb(0)
+            turned = acb(2 * number * x).exp_pi_i() * acb(0, arb(phase)).exp()
+            bare = -mount.alpha * arb(weight) / (2 * arb.pi() * number) * turned
+            if not load.is_zero():
+                resists = mass * rate * rate + drag * rate + w0 * w0
+                if not abs(resists) > 0:
+                    what = "whether the loaded base is driven at its resonance"
+                    raise UncertainError(what, impact)
+                answer = -load * rate * rate * bare / resists
+            self._tones.append((rate, bare + answer, answer))
+        side = (-1) ** piece if mount.has_corners else 0
+        # the parabola of a drive with corners: height, velocity and acceleration at the instant
+        pull, y = 4 * side * mount.alpha, x - arb(piece) / 2
+        self._drive = pull / 2 * y * y - side * mount.alpha / 8, pull * y, pull
+        self._level = -load * (2 + pull) / (w0 * w0)
+        self._changes = side != 0 and not load.is_zero()  # at the next corner
+        self._free = [ZERO, ZERO]
+        forced = self.deviation(after)
+        self._free = [state[0] - forced[0], state[1] - forced[1]]
+        self._free = self._free_at(-after)
 
-    def _carried(self, h: arb, v: arb, s: arb) -> tuple[arb, arb]:
-        """Values of h and h' after s periods."""
-        if h.is_zero() and v.is_zero():
-            return h, v
-        keeps, drifts, brakes = self._waves(s)
-        return h * keeps + v * drifts, v * brakes - h * self._q * drifts
+    def _waves(self, s: arb) -> tuple[arb, arb]:
+        """exp(-Z s) times cosh(k s), and times sinh(k s) / k; k^2 = Z^2 - Q has either sign."""
+        z, k = self._z, self._root
+        if abs(k * s) < 1:  # k may be 0
+            fade, turned = (-z * s).exp(), k * s
+            return fade * turned.cosh().real, fade * s * (acb(0, 1) * turned).sinc().real
+        slow, fast = ((k - z) * s).exp(), (-(k + z) * s).exp()
+        return ((slow + fast) / 2).real, ((slow - fast) / (2 * k)).real
 
-    def _waves(self, s: arb) -> tuple[arb, arb, arb]:
-        """Free motion over s periods: factors of h and h' in h(s), and of h' in h'(s).
-
-        They are C + Z S, S and C - Z S with C = exp(-Z s) cosh(k s), S = exp(-Z s) sinh(k s) / k
-        and k^2 = Z^2 - Q, of either sign.
-        """
-        z = self._z
-        if self._excess > 0:
-            root = self._excess.sqrt()
-            slow, fast = ((root - z) * s).exp(), (-(root + z) * s).exp()
-            even, odd = (slow + fast) / 2, (slow - fast) / (2 * root)
-        else:
-            even = (-z * s).exp()
-            odd = even * s
-            if self._excess < 0:
-                root = (-self._excess).sqrt()
-                sine, cosine = (root * s).sin_cos()
-                even, odd = even * cosine, even * sine / root
-        return even + z * odd, odd, even - z * odd
-
-    def _at(self, s: arb) -> tuple[arb, arb, arb]:
-        """Return `_waves`; the last ones are kept."""
-        if self._last is None or self._last[0] is not s:
-            self._last = s, self._waves(s)
-        return self._last[1]
-
-    def _free_at(self, s: arb) -> list[arb]:
-        """Values of h and its derivatives after s periods."""
-        keeps, drifts, brakes = self._at(s)
-        h, v = self._free
-        free = [h * keeps + v * drifts, v * brakes - h * self._q * drifts]
-        while len(free) < ORDERS:
-            free.append(-2 * self._z * free[-1] - self._q * free[-2])
+    def _free_at(self, s: arb, order: int = 1) -> list[arb]:
+        """Values of h and its derivatives, up to an order of at least 1."""
+        (h, v), z, q = self._free, self._z, self._q
+        even, odd = self._waves(s)
+        free = [h * (even + z * odd) + v * odd, v * (even - z * odd) - h * q * odd]
+        while len(free) <= order:
+            free.append(-2 * z * free[-1] - q * free[-2])
         return free
 
     def derivative(self, order: int, s: arb) -> arb:
-        """Height of the base after s periods (0), its velocity (1), acceleration (2), ..."""
-        forced = self._drive.derivative(order, s)
-        return forced + self._free_at(s)[order] + (ZERO if order else self.level)
-
-    def since(self, s: arb) -> tuple[arb, arb]:
-        """Y(s) - Y(0) - Y'(0) s and Y'(s) - Y'(0), without the uncertainty of Y(0) and Y'(0)."""
-        keeps, drifts, brakes = self._at(s)
-        (far, fast), (h, v) = self._drive.since(s), self._free
-        far += h * (keeps - 1) + v * (drifts - s)
-        return far, fast + v * (brakes - 1) - h * self._q * drifts
+        """Height of the base (0), its velocity (1), acceleration (2), ..."""
+        y, v, pull = self._drive
+        drive = (y + self._level + s * (v + pull / 2 * s), v + pull * s, pull)
+        total = self._free_at(s, order)[order] + (drive[order] if order < len(drive) else ZERO)
+        for rate, height, _ in self._tones:
+            total += (height * rate**order * (rate * s).exp()).real
+        return total
 
     def deviation(self, s: arb) -> tuple[arb, arb]:
-        """D and D' after s periods."""
-        (height, rate), (h, v, *_) = self._drive.answer(s), self._free_at(s)
-        return self.level + height + h, rate + v
+        """D and D'."""
+        height, velocity = self._free_at(s)
+        for rate, _, answer in self._tones:
+            turned = answer * (rate * s).exp()
+            height, velocity = height + turned.real, velocity + (rate * turned).real
+        return height + self._level, velocity
 
-    def most(self, order: int, s: arb) -> arb:
-        """Bound on the modulus of a derivative from s on; for order 0, of height minus mean."""
-        free, low = self._free_at(s), max(order - 1, 0)
-        energy = free[low + 1] * free[low + 1] + self._q * free[low] * free[low]
-        decaying = (energy if order else energy / self._q).upper().sqrt()
-        return (self._drive.most(order) + decaying).upper()
-
-
-class Above:
-    """Height of a ballistic particle above the base.
-
-    Parameters
-    ----------
-    arc
-        Motion of the base.
-    gap, speed
-        Height and speed relative to the base at the beginning of the arc.
-    """
-
-    def __init__(self, arc: Arc, gap: arb, speed: arb) -> None:
-        self._arc, self._gap, self._speed = arc, gap, speed
-
-    def height(self, s: arb) -> arb:
-        """Height above the base."""
-        return self._gap + s * (self._speed - s) - self._arc.since(s)[0]
-
-    def slope(self, s: arb) -> arb:
-        """Speed relative to the base."""
-        return self._speed - 2 * s - self._arc.since(s)[1]
-
-    def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
-        """As `vibrosweep.proof.reference.motion.ProvedCourse.curvature`."""
-        arc = self._arc
-        return (
-            2 + arc.derivative(2, s),
-            arc.derivative(3, s),
-            arc.most(4, s),
-            2 + arc.most(2, s),
-        )
-
-    def above_all(self) -> tuple[arb, arb] | None:
-        """Interval of time in which the particle is above every height of the base."""
-        arc = self._arc
-        y, v = arc.derivative(0, ZERO) + self._gap, arc.derivative(1, ZERO) + self._speed
-        root = v * v + 4 * (y - arc.level - arc.most(0, ZERO))
-        if not root > 0:
-            return None
-        return ((v - root.sqrt()) / 2).upper(), ((v + SHORTENING * root.sqrt()) / 2).lower()
-
-
-def contact_free(arc: Arc, now: arb, speed: arb, *, lifted: bool, impact: int) -> arb:
-    """Time until which a particle that leaves the base `now` has not landed.
-
-    Its speed is relative to the base; `lifted` is True if the base pressed it until it left.
-    Raises an UncertainError, about the next impact, where more precision is needed.
-    """
-    until = ZERO
-    if speed > 0:
-        until = speed / (2 + arc.most(2, now))
-    elif lifted:  # the base falls ever faster for a while
-        until = -arc.derivative(3, now) / arc.most(4, now)
-    elif speed.is_zero():
-        least = arc.most(3, now)
-        falls = -(2 + arc.derivative(2, now))
-        until = falls / least if least > 0 else (arb(1) if falls > 0 else ZERO)
-    if not until > 0:
-        raise UncertainError("whether a particle leaves the base", impact)
-    return until.lower()
-
-
-class Pressure(ProvedCourse):
-    """Acceleration of the base relative to free fall: while positive, riders are pressed."""
-
-    def __init__(self, arc: Arc) -> None:
-        self._arc = arc
-
-    def height(self, s: arb) -> arb:
-        """Y'' + 2."""
-        return 2 + self._arc.derivative(2, s)
-
-    def slope(self, s: arb) -> arb:
-        """Rate of Y''."""
-        return self._arc.derivative(3, s)
-
-    def curvature(self, s: arb) -> tuple[arb, arb, arb, arb]:
-        """As `Above.curvature`."""
-        arc = self._arc
-        return -arc.derivative(4, s), -arc.derivative(5, s), arc.most(6, s), arc.most(4, s)
-
-    def lasts(self, s: arb) -> bool:
-        """Return whether it is proved to stay positive from then on."""
-        return bool(2 - self._arc.most(2, s) > 0)
+    def presses_for_good(self, s: arb) -> bool:
+        """Return whether the base, if no event changes its arc, presses its riders from s on."""
+        _, _, bend, rate = self._free_at(s, 3)
+        largest = (bend * bend + rate * rate / self._q).abs_upper().sqrt() + abs(self._drive[2])
+        for turn, height, _ in self._tones:
+            largest += abs(height * turn * turn)
+        return not self._changes and bool(largest < 2)
 
 
 LAUNCH, LANDING, LIFTOFF = "launch", "landing", "lift-off"
@@ -480,12 +229,13 @@ class Flying:
     """Particles that left the base together and fly as one."""
 
     particles: tuple[int, ...]  # their numbers
-    # gap, speed: height and speed relative to the base
-    gap: arb
-    speed: arb
+    speed: arb  # relative to the base, after all impacts of the instant at which they left
     lifted: bool = False  # True if the base pressed them until they left
-    # Time before which they cannot land; None where that is the time of the last event
-    clear: arb | None = None
+    # instant, height, velocity: a phase, an exact number, and the motion at it
+    instant: arb = ZERO
+    height: arb = ZERO
+    velocity: arb = ZERO
+    clear: arb = ZERO  # time in the present arc before which they cannot land
 
 
 class Launch(NamedTuple):
@@ -495,49 +245,22 @@ class Launch(NamedTuple):
     particles: tuple[int, ...]
 
 
-class Corner(NamedTuple):
-    """A corner of the velocity of the drive."""
-
-    turns: arb
-
-
-class Riders(NamedTuple):
-    """Particles that ride the base and may leave it."""
-
-    particles: tuple[int, ...]
-
-
 class Next(NamedTuple):
-    """An event that may be the next one, `s` periods after the present instant.
-
-    The function `course` has its first root at that time; None where the time is known.
-    """
+    """An event that may be the next one, `s` periods after the present instant."""
 
     s: arb
-    what: Launch | Corner | Flying | Riders
-    course: ProvedCourse | None = None
-
-    def narrowed(self) -> Next:
-        """Return the event with its time as narrow as the precision allows."""
-        if self.course is None:
-            return self
-        return self._replace(s=narrowed(self.course, self.s))
-
-    def __str__(self) -> str:
-        if isinstance(self.what, Corner):
-            return "a corner of the drive"
-        does = {Launch: "launch", Flying: "landing", Riders: "lift-off"}[type(self.what)]
-        numbers = " and ".join(map(str, self.what.particles))
-        return f"the {does} of particle {numbers}"
+    name: str
+    act: Callable[[arb], None]  # carries it out, given its time
+    course: Course | None = None  # has its first root at that time; None if it is known
 
 
-def latest_start(found: Sequence[Next]) -> arb:
+def _latest(found: Sequence[Next], otherwise: arb = END) -> arb:
     """Time after which an event cannot be the next one."""
-    return min((one.s.upper() for one in found), default=END)
+    return min((one.s.upper() for one in found), default=otherwise)
 
 
-# Periods for which a lift-off is looked for at a time.
-STRETCH: Final = arb(16)
+def _of(kind: str, particles: Sequence[int]) -> str:
+    return f"the {kind} of particle {' and '.join(map(str, particles))}"
 
 
 class CoupledSystem:
@@ -571,38 +294,21 @@ class CoupledSystem:
         self.events: list[ParticleEvent] = []
         self.landings = 0
         self._drawn: Counter[int] = Counter()  # impacts of each particle whose numbers are drawn
-        self._instant, self._late = self._waiting[0].turns.mid(), ZERO
-        self._side = self._first_side()
-        self._deviation, self._rate = deviation, rate
-        self._arc = self._motion()
+        first, mount = launches[0].turns, bodies.mount
+        self._instant, self._late, self._piece = first.mid(), ZERO, nearest_integer(2 * first)
+        if mount.has_corners:
+            what = "no corner of the drive is at the first launch"
+            certain_above(HALF, abs(2 * first - self._piece), what, 0)
+        self._arc = Arc(mount, self._instant, (deviation, rate), 0, ZERO, 1, self._piece)
 
-    def _motion(self) -> Arc:
-        """Motion of the base from its present state on."""
-        state = (self._deviation, self._rate), len(self._riders), self._late
-        return Arc(self._bodies.mount, self._instant, *state, self.landings + 1, self._side)
-
-    def _first_side(self) -> int:
-        """Side of the drive at the first launch; 1 without corners."""
-        if not self._bodies.mount.has_corners:
-            return 1
-        rises = self._bodies.mount.wave.slope(2 * self._instant)
-        return 1 if certain_above(rises, ZERO, "the side of the first launch", 0) else -1
-
-    def _corner(self) -> list[Next]:
-        """Next corner of the drive; none without corners, or if nothing more can happen."""
-        if not self._bodies.mount.has_corners:
-            return []
-        offset = arb(0.25) if self._side > 0 else arb(0.75)
-        turns = offset + nearest_integer(self._instant + arb(0.5) - offset)
-        over = not (self._flying or self._waiting) and turns > self._end
-        return [] if over else [Next(turns - self._instant, Corner(turns))]
+    @property
+    def massless(self) -> bool:
+        """True if particles do not move the base."""
+        return bool(self._bodies.mount.mass_ratio.is_zero())
 
     def riders_stay(self, turns: arb) -> bool:
         """Return whether no rider can leave from a phase on, if nothing lands until then."""
-        mount = self._bodies.mount
-        if mount.has_corners and self._riders and not mount.mass_ratio.is_zero():
-            return False  # the corners keep exciting a base under a load
-        return Pressure(self._arc).lasts(turns - self._instant)
+        return self._arc.presses_for_good(turns - self._instant)
 
     def advance(self) -> bool:
         """Carry out the next event; False if there is none.
@@ -613,137 +319,120 @@ class CoupledSystem:
         first = self._next()
         if first is None:
             return False
-        arrival = self._go_to(first)
-        if isinstance(first.what, Launch):
-            self._waiting.pop(0)
-            self._launch(first.what.particles)
-        elif isinstance(first.what, Corner):
-            self._turn()
-        elif isinstance(first.what, Riders):
-            self._leave(ZERO, lifted=True)
-        else:
-            self._land(first.what.particles, arrival)
+        arc, s, load = self._arc, first.s, len(self._riders) * self._bodies.mount.mass_ratio
+        self._turns, self._height = self._instant + s, arc.derivative(0, s)
+        self._velocity, (self._deviation, self._rate) = arc.derivative(1, s), arc.deviation(s)
+        self._press = (1 + load) * (2 + arc.derivative(2, s))
+        first.act(s)
+        self._instant = self._turns.mid()
+        self._late = self._turns - self._instant
         self._settle()
         return True
 
     def _next(self) -> Next | None:
         """Return the first of all events that may come."""
-        found = self._corner()
+        arc, number, found = self._arc, self.landings + 1, []
+        corner = arb(2 * self._piece + 1) / 4
+        if self._bodies.mount.has_corners and not (
+            corner > self._end and not self._flying and not self._waiting
+        ):
+            found.append(Next(corner - self._instant, "a corner of the drive", self._turn))
         if self._waiting:
-            found.append(Next(self._waiting[0].turns - self._instant, self._waiting[0]))
-        for flying in self._flying:
-            above = Above(self._arc, flying.gap, flying.speed)
-            start = self._late.lower() if flying.clear is None else flying.clear
-            found += self._root(above, start, latest_start(found), flying)
-        if self._riders:
-            last = latest_start(found) if found else (self._end - self._instant).upper()
-            found += self._liftoff(last)
-        # few bits are enough to separate most of them
-        least, number = latest_start(found), self.landings + 1
-        found = [one if one.s > least else one.narrowed() for one in found]
+            launch = self._waiting[0]
+            s, name = launch.turns - self._instant, _of(LAUNCH, launch.particles)
+            found.append(Next(s, name, self._launch))
+        courses: list[tuple[str, Sequence[int], arb, Callable[[arb], None], Course]] = [
+            (LANDING, f.particles, f.clear, partial(self._land, f), partial(self._clearance, f))
+            for f in self._flying
+        ]
+        if self._riders and not arc.presses_for_good(self._late):
+            start, press = self._late.lower(), partial(_press, arc)
+            courses.append((LIFTOFF, self._riders, start, self._lift, press))
+        for kind, particles, start, act, course in courses:
+            until = _latest(found, END if self._flying else (self._end - self._instant).upper())
+            s = first_root(course, start, number, until)
+            if s.is_finite():
+                found.append(Next(s, _of(kind, particles), act, course))
+        least = _latest(found)
+        found = [
+            one
+            if one.course is None or one.s > least
+            else one._replace(s=narrowed(one.course, one.s))
+            for one in found
+        ]
         if not found:
             return None
         first = min(found, key=lambda one: one.s.mid())
         for other in found:
             if first is not other and not first.s < other.s:
-                raise UncertainError(f"whether {first} precedes {other}", number)
+                raise UncertainError(f"whether {first.name} precedes {other.name}", number)
         if self.events and not first.s > self._late:
-            raise UncertainError(f"whether {first} follows the last event", number)
+            raise UncertainError(f"whether {first.name} follows the last event", number)
         return first
 
-    def _root(
-        self, course: ProvedCourse, start: arb, until: arb, what: Flying | Riders
-    ) -> list[Next]:
-        """First root, where it comes before `until`; few bits are enough in most cases."""
-        try:
-            with ctx.workprec(FRAME_BITS):
-                s = first_root(course, start, self.landings + 1, until)
-        except UncertainError:
-            s = first_root(course, start, self.landings + 1, until)
-        return [Next(s, what, course)] if s.is_finite() else []
-
-    def _liftoff(self, until: arb) -> list[Next]:
-        """Find the instant at which the base falls away from its riders, if before `until`."""
-        pressure, start = Pressure(self._arc), self._late.lower()
-        while start < until and not pressure.lasts(start):
-            stretch = (start + STRETCH).lower().min(until)
-            found = self._root(pressure, start, stretch, Riders(tuple(self._riders)))
-            if found:
-                return found
-            start = stretch
-        return []
-
-    def _go_to(self, event: Next) -> arb:
-        """Carry base and flights to an event; return the speed at which its particles land."""
-        arc, s = self._arc, event.s
-        what = event.what
-        turns = what.turns if isinstance(what, Launch | Corner) else self._instant + s
-        instant = turns.mid()
-        passed = self._passed = instant - self._instant
-        self._instant, self._late, self._recoiled = instant, turns - instant, ZERO
-        arrival = ZERO
-        if isinstance(event.what, Flying):
-            self._flying.remove(event.what)
-            arrival = event.what.speed - 2 * s - arc.since(s)[1]
-        for flying in self._flying:
-            far, fast = arc.since(passed)
-            flying.gap += passed * (flying.speed - passed) - far
-            flying.speed -= 2 * passed + fast
-            flying.clear = None
-        self._deviation, self._rate = arc.deviation(s)
-        alpha, wave, h = self._bodies.mount.alpha, self._bodies.mount.wave, 2 * turns
-        self._turns, self._height = turns, self._deviation + alpha * wave.level(h)
-        slope = arb(4 * self._side) if self._bodies.mount.has_corners else wave.slope(h)
-        self._own_velocity, self._own_press = alpha * wave.velocity(h), 2 + alpha * slope
-        return arrival
-
-    def _turn(self) -> None:
-        """Pass a corner, where the base may begin to fall faster than gravity at once."""
-        self._side = -self._side
-        self._own_press = 2 + 4 * self._side * self._bodies.mount.alpha
-        if self._riders and not self._presses(self._rate):
-            self._leave(ZERO, lifted=False)
-
-    def _presses(self, rate: arb) -> bool:
-        """Decide whether the base presses a particle when its deviation has this rate."""
-        mount = self._bodies.mount
-        pull = mount.natural * (2 * mount.damping * rate + mount.natural * self._deviation)
-        what = "the base presses a particle"
-        return certain_above(self._own_press - pull, ZERO, what, self.landings)
+    def _clearance(self, flying: Flying, order: int, s: arb) -> arb:
+        """Height of particles in flight above the base (0), its derivative (1), ..."""
+        flown = self._instant - flying.instant + s
+        height = flying.height + flown * (flying.velocity - flown)
+        fall = height, flying.velocity - 2 * flown, arb(-2)
+        return (fall[order] if order < len(fall) else ZERO) - self._arc.derivative(order, s)
 
     def _settle(self) -> None:
         """Continue the base and the flights after the event from the exact instant next to it."""
-        late, around = self._late, ZERO.union(self._late)
-        before, self._arc = self._arc.derivative(2, self._passed + around), self._motion()
-        after = self._arc.derivative(2, around)
+        late, number = self._late, self.landings + 1
+        state = (self._deviation, self._rate), len(self._riders), late, number, self._piece
+        arc = self._arc = Arc(self._bodies.mount, self._instant, *state)
         for flying in self._flying:
-            flying.gap -= late * (self._recoiled + late / 2 * (after - before))
-            flying.speed += self._recoiled + late * (after - before)
+            flying.clear = late.lower()
+        bend = 2 + arc.derivative(2, ZERO.union(late))
         for flying in self._leaving:
-            speed, lifted = flying.speed, flying.lifted
-            clear = contact_free(self._arc, late, speed, lifted=lifted, impact=self.landings + 1)
-            flying.clear = (late + clear).lower()
-            flying.gap = -late * (speed + late / 2 * (2 + after))
-            flying.speed = speed + late * (2 + after)
+            speed = flying.speed
+            flying.instant = self._instant
+            flying.height = arc.derivative(0, ZERO) - late * (speed + late / 2 * bend)
+            flying.velocity = arc.derivative(1, ZERO) + speed + late * bend
+            flying.clear = self._departed(flying)
         self._flying += self._leaving
         self._leaving = []
 
-    @property
-    def _velocity(self) -> arb:
-        """Velocity of the base at the event."""
-        return self._own_velocity + self._rate
+    def _departed(self, flying: Flying) -> arb:
+        """Time until which particles that have just left the base are proved not to land.
+
+        At first the clearance is 0, and so are its derivatives below the one that is positive for
+        a while: the first, the second of particles that leave without a relative speed, or the
+        third where the base pressed them until then.
+        """
+        order = 3 if flying.lifted else 2 if flying.speed.is_zero() else 1
+        for shorter in range(ctx.prec // 2):
+            until = self._late + arb(0.25) ** (1 + shorter)
+            if self._clearance(flying, order, self._late.union(until)) > 0:
+                return until.lower()
+        raise UncertainError("whether a particle leaves the base", self.landings + 1)
+
+    def _turn(self, _: arb) -> None:
+        """Pass a corner, where the base may begin to fall faster than gravity at once."""
+        self._piece += 1
+        self._press += 8 * (-1) ** self._piece * self._bodies.mount.alpha
+        what = "the base presses a particle"
+        if self._riders and not certain_above(self._press, ZERO, what, self.landings):
+            self._leave(ZERO, lifted=False)
+
+    def _lift(self, _: arb) -> None:
+        """Let all riders leave a base that falls away from them."""
+        self._leave(ZERO, lifted=True)
 
     def _recoil(self, velocity: arb) -> None:
         """Reduce the velocity of the base."""
+        mount = self._bodies.mount
         self._rate -= velocity
-        self._recoiled += velocity
+        self._velocity -= velocity
+        self._press += 2 * mount.damping * mount.natural * velocity
         for flying in self._leaving:
             flying.speed += velocity
 
-    def _launch(self, particles: Sequence[int]) -> None:
+    def _launch(self, _: arb) -> None:
         """Launch particles; those slower than the base land at once."""
         flying = []
-        for particle in particles:
+        for particle in self._waiting.pop(0).particles:
             speed = self._bodies.u0 - self._velocity
             self._note(LAUNCH, particle, self._bodies.u0, speed)
             what = "a launch is faster than the base"
@@ -752,27 +441,27 @@ class CoupledSystem:
             else:
                 self._impact([particle], speed)
         if flying:
-            speed = self._bodies.u0 - self._velocity
-            self._leaving.append(Flying(tuple(flying), ZERO, speed))
+            self._leaving.append(Flying(tuple(flying), self._bodies.u0 - self._velocity))
 
     def _leave(self, speed: arb, *, lifted: bool) -> None:
         """Let all riders leave, with a speed relative to the base."""
         riders, self._riders = tuple(sorted(self._riders)), []
-        self._leaving.append(Flying(riders, ZERO, speed, lifted))
+        self._leaving.append(Flying(riders, speed, lifted))
         for particle in riders:
             self._note(LIFTOFF, particle, self._velocity + speed, speed)
 
-    def _land(self, particles: Sequence[int], speed: arb) -> None:
+    def _land(self, flying: Flying, s: arb) -> None:
         """Let particles in one state land in order, or as one if massless and without noise."""
-        if self._bodies.mount.mass_ratio.is_zero() and self._bodies.drawn is None:
-            self._impact(particles, speed)
+        self._flying.remove(flying)
+        speed, velocity = self._clearance(flying, 1, s), self._velocity
+        if self.massless and self._bodies.drawn is None:
+            self._impact(flying.particles, speed)
             return
-        recoiled = self._recoiled
-        for place, particle in enumerate(particles):
-            now = speed + self._recoiled - recoiled
+        for place, particle in enumerate(flying.particles):
+            now = speed + velocity - self._velocity
             what = "the base still approaches a particle that lands with another"
             if place and not certain_above(-now, ZERO, what, self.landings + 1):
-                self._leaving.append(Flying((particle,), ZERO, now))
+                self._leaving.append(Flying((particle,), now))
             else:
                 self._impact([particle], now)
 
@@ -796,7 +485,7 @@ class CoupledSystem:
             self._note(LANDING, particle, v, w, base)
         if throws:
             self._leave(thrown, lifted=False)
-        self._leaving.append(Flying(tuple(particles), ZERO, w))
+        self._leaving.append(Flying(tuple(particles), w))
 
     def _law(self, particles: Sequence[int]) -> Restitution:
         """Law of restitution of the next impact of a particle, or of all that land as one."""
@@ -808,12 +497,14 @@ class CoupledSystem:
 
     def _sticks(self, c: arb, w: arb) -> bool:
         """Decide if a particle that approaches with speed c, and would leave with w, sticks."""
-        mount, r, riding = self._bodies.mount, self._bodies.r, len(self._riders)
-        if certain_above(w, r, "e c > r", self.landings):
+        mount = self._bodies.mount
+        if certain_above(w, self._bodies.r, "e c > r", self.landings):
             return False
-        if riding:  # the base presses the riders, and even more after the impact
+        if self._riders:  # the base presses the riders, and even more after the impact
             return True
-        return self._presses(self._rate - mount.mass_ratio * c / (1 + mount.mass_ratio))
+        recoil = mount.mass_ratio * c / (1 + mount.mass_ratio)
+        pressed = self._press + 2 * mount.damping * mount.natural * recoil
+        return certain_above(pressed, ZERO, "the base presses a particle", self.landings)
 
     def _note(
         self, kind: str, particle: int, before: arb, relative: arb | None, base: arb | None = None
@@ -823,6 +514,11 @@ class CoupledSystem:
         moves = before, after, now if base is None else base, now, relative
         state = self.landings, len(self._riders), self._deviation, self._rate
         self.events.append(ParticleEvent(kind, particle, self._turns, self._height, *moves, *state))
+
+
+def _press(arc: Arc, order: int, s: arb) -> arb:
+    """Acceleration of the base relative to free fall (0), its derivative (1), ..."""
+    return arc.derivative(order + 2, s) + (ZERO if order else 2)
 
 
 CONSTANT_LAWS: Final = Laws()
@@ -844,59 +540,6 @@ class CoupledMotion:
     precision_bits: int
 
 
-@dataclass(frozen=True)
-class _CoupledProblem:
-    """Exact inputs, and the accuracy of the results."""
-
-    parameters: Mapping[str, float]
-    launch_times: tuple[Fraction, ...]
-    duration: Fraction
-    laws: Laws
-    max_landings: int
-    digits: int
-    deviates: Callable[[int], Deviates] | None
-
-    @property
-    def launches(self) -> list[Launch]:
-        """Particles by their launch, in the order of time and then of their numbers."""
-        ordered = sorted(range(len(self.launch_times)), key=self.launch_times.__getitem__)
-        return [
-            Launch(self.turns(time), tuple(particles))
-            for time, particles in groupby(ordered, key=self.launch_times.__getitem__)
-        ]
-
-    @property
-    def speed(self) -> arb:
-        """Unit of speeds, m s-1."""
-        return arb(self.parameters["gravity"]) / (2 * arb(self.parameters["frequency"]))
-
-    @property
-    def length(self) -> arb:
-        """Unit of heights, m."""
-        return self.speed / arb(self.parameters["frequency"])
-
-    def turns(self, time: Fraction) -> arb:
-        """Phase of the forcing at a time, whole periods included."""
-        p = self.parameters
-        return arb(p["frequency"]) * exact(time) + arb(p["phase"]) / (2 * arb.pi())
-
-    def time(self, turns: arb) -> arb:
-        """Time in s of a phase."""
-        p = self.parameters
-        return (turns - arb(p["phase"]) / (2 * arb.pi())) / arb(p["frequency"])
-
-    def require_narrow(self, impact: ProvedImpact, number: int) -> None:
-        """Raise `UncertainError` unless a landing and the lift-off after it are narrow."""
-        limits = WidthLimits(self.digits, self.parameters)
-        found = [(impact.landing_time, limits.time), (impact.phase, limits.phase)]
-        if impact.liftoff_time is not None and impact.rebound_velocity is not None:
-            found.append((impact.liftoff_time, limits.time))
-            found.append((impact.rebound_velocity, limits.velocity))
-        if impact.flight is not None:
-            found.append((impact.flight.duration, limits.phase))
-        limits.require(number, *found)
-
-
 def bodies_of(
     parameters: Mapping[str, float],
     laws: Laws = CONSTANT_LAWS,
@@ -916,13 +559,9 @@ def bodies_of(
     drawn = None
     if deviates is not None:
         of_particle = cache(deviates)
-        size = p.get("restitution_noise", ZERO)
-        size += p.get("restitution_noise_relative", ZERO) * p["restitution"]
-        strength = rate * (1 + p["restitution"]) * p.get("kick_noise", ZERO)
 
         def drawn(particle: int, number: int) -> Random:
-            slip, push = of_particle(particle).of_impact(number)
-            return Random(law, size * slip, strength * push, thrown=True)
+            return Random.drawn(law, p, 1 / rate, of_particle(particle).of_impact(number), True)
 
     return Bodies(mount, law, rest, rate * p["launch_velocity"], drawn)
 
@@ -951,80 +590,100 @@ def coupled(
     UndecidableError where a decision stays uncertain at `max_bits`: a tie, or motion that loses
     more digits.  It counts the impacts of all particles together.
     """
-    values = {name: float(value) for name, value in parameters.items()}
-    launched = tuple(Fraction(time) for time in launch_times)
-    problem = _CoupledProblem(
-        values, launched, Fraction(duration), laws, max_landings, digits, deviates
-    )
-    first = max(bits, first_precision(digits))
-    return decided(partial(_attempt, problem), first, max_bits)
+    times = tuple(Fraction(time) for time in launch_times)
+    ordered = sorted(range(len(times)), key=times.__getitem__)
+
+    def attempt(bits: int) -> CoupledMotion:
+        with ctx.workprec(bits):
+            units, bodies = _Units(parameters, digits), bodies_of(parameters, laws, deviates)
+            launches = [
+                Launch(units.turns(time), tuple(particles))
+                for time, particles in groupby(ordered, key=times.__getitem__)
+            ]
+            end = units.turns(Fraction(duration))
+            system = CoupledSystem(bodies, launches, end + PATIENCE)
+            counted, courses, rest = _followed(system, end, len(times), max_landings)
+            found = [_trajectory(units, *one, rest, bits) for one in courses]
+            return CoupledMotion(tuple(found), tuple(system.events[:counted]), bits)
+
+    return decided(attempt, max(bits, first_precision(digits)), max_bits)
 
 
-class _Course:
-    """Events of one particle: `counted` of them up to the end of the observation, then later ones.
+class _Units:
+    """Conversion of balls to physical units, and how narrow results must be."""
 
-    A lift-off that no longer counts is left out, with all later events.
+    def __init__(self, parameters: Mapping[str, float], digits: int) -> None:
+        self._frequency = arb(parameters["frequency"])
+        self._phase = arb(parameters["phase"]) / (2 * arb.pi())
+        self.speed = arb(parameters["gravity"]) / (2 * self._frequency)  # unit of speeds, m s-1
+        self.length = self.speed / self._frequency  # unit of heights, m
+        self.limits = WidthLimits(digits, parameters)
+
+    def turns(self, time: Fraction) -> arb:
+        """Phase of the forcing at a time, whole periods included."""
+        return self._frequency * exact(time) + self._phase
+
+    def time(self, turns: arb) -> arb:
+        """Time in s of a phase."""
+        return (turns - self._phase) / self._frequency
+
+
+# Events of a particle that are needed, and the number of those that count
+_Course = tuple[list[ParticleEvent], int]
+
+
+def _followed(
+    system: CoupledSystem, end: arb, particles: int, max_landings: int
+) -> tuple[int, list[_Course], bool]:
+    """Follow a system until all flights that begin before the end have landed.
+
+    Returns the number of events up to the end, the events of each particle, and whether particles
+    that ride at the end are at rest for good.
     """
-
-    def __init__(self) -> None:
-        self.events: list[ParticleEvent] = []
-        self.counted = 0
-        self.complete = False  # True once no later event is needed
-
-    def add(self, event: ParticleEvent, after: bool, late: bool) -> None:
-        """Add the next event; it may be `after` the end, or too `late` for a lift-off to count."""
-        if self.complete:
-            return
-        if late and self.waits:
-            self.complete = True
-            return
-        self.events.append(event)
-        self.counted += not after
-        self.complete = after and event.kind is LANDING
-
-    @property
-    def rides(self) -> bool:
-        """True if the particle is on the base at the end."""
-        return self.counted > 0 and _rests(self.events[self.counted - 1])
-
-    @property
-    def waits(self) -> bool:
-        """True if the particle is on the base at the end, and its lift-off may still count."""
-        return self.rides and self.counted == len(self.events) and not self.complete
-
-    def trajectory(self, problem: _CoupledProblem, rest: bool, bits: int) -> Trajectory:
-        """Return the trajectory; a particle that rides at the end may be at `rest` for good."""
-        impacts: list[ProvedImpact] = []
-        for i, landed in enumerate(self.events[: self.counted]):
-            if landed.kind is not LANDING:
-                continue
-            rested = _rests(landed)
-            left, count = i + rested, nearest_integer(landed.turns)
-            leaves = left < len(self.events)
-            impacts.append(
-                ProvedImpact(
-                    landing_time=problem.time(landed.turns),
-                    liftoff_time=problem.time(self.events[left].turns) if leaves else None,
-                    rebound_velocity=problem.speed * self.events[left].after if leaves else None,
-                    rested=rested,
-                    count=count,
-                    phase=landed.turns - count,
-                    flight=self._flight(problem, left) if leaves else None,
-                    arrival=landed.base_before - landed.before,
-                )
+    counted, stay = 0, False
+    while True:
+        seen = len(system.events)
+        if counted == seen:
+            stay = system.riders_stay(end)
+        more = system.advance()
+        for event in system.events[seen:] if counted == seen else ():
+            what = f"{_of(event.kind, [event.particle])} is after the end"
+            counted += not certain_above(event.turns, end, what, event.number)
+        if system.landings > max_landings:
+            raise TooManyLandingsError(
+                f"max_landings = {max_landings!r}: more come before the end; raise it "
+                f"or shorten the duration"
             )
-            problem.require_narrow(impacts[-1], landed.number)
-        launch, at_rest = self._flight(problem, 0), rest and self.rides
-        return Trajectory(launch, tuple(impacts), at_rest, Status.COMPLETED, bits)
+        if more and counted == len(system.events):
+            continue
+        own = [[e for e in system.events if e.particle == p] for p in range(particles)]
+        before = [sum(e.particle == p for e in system.events[:counted]) for p in range(particles)]
+        pairs = list(zip(own, before, strict=True))
+        rest = stay and (system.massless or all(n and _rests(each[n - 1]) for each, n in pairs))
+        latest = system.events[-1].turns if more else None
+        needed = [_needed(each, n, rest, latest, end + PATIENCE) for each, n in pairs]
+        if None not in needed:
+            found = [(each[:last], n) for (each, n), last in zip(pairs, needed, strict=True)]
+            return counted, found, rest
 
-    def _flight(self, problem: _CoupledProblem, left: int) -> ProvedFlight:
-        """Flight that an event begins, and the next one ends."""
-        event, landed = self.events[left : left + 2]
-        if landed.turns is event.turns:  # a launch that is slower than the base
-            return ProvedFlight(event.relative, problem.length * event.height, ZERO, None)
-        rising = event.after.max(ZERO)
-        top = event.height + rising * rising / 4
-        return ProvedFlight(event.relative, problem.length * top, landed.turns - event.turns, None)
+
+def _needed(
+    own: list[ParticleEvent], counted: int, rest: bool, latest: arb | None, patience: arb
+) -> int | None:
+    """Number of events of a particle up to its first landing after the end; None if it is to come.
+
+    A lift-off that comes too late to count is left out.  `latest` is the time of the last event of
+    all particles, None if no other will come.
+    """
+    if counted and _rests(own[counted - 1]):
+        then = own[counted].turns if counted < len(own) else latest
+        if (
+            rest
+            or then is None
+            or certain_above(then, patience, "a lift-off counts", own[-1].number)
+        ):
+            return counted
+    return next((k + 1 for k in range(counted, len(own)) if own[k].kind is LANDING), None)
 
 
 def _rests(event: ParticleEvent) -> bool:
@@ -1032,36 +691,37 @@ def _rests(event: ParticleEvent) -> bool:
     return event.relative is None
 
 
-def _attempt(problem: _CoupledProblem, bits: int) -> CoupledMotion:
-    """Return the motion at one precision, or raise `UncertainError`."""
-    with ctx.workprec(bits):
-        bodies = bodies_of(problem.parameters, problem.laws, problem.deviates)
-        end = problem.turns(problem.duration)
-        system, counted, seen = CoupledSystem(bodies, problem.launches, end + PATIENCE), 0, 0
-        courses = [_Course() for _ in problem.launch_times]
-        stay = rest = late = False
-        while True:
-            if counted == len(system.events):  # the end is still to come
-                stay = system.riders_stay(end)
-            alone = bodies.mount.mass_ratio.is_zero() or all(one.rides for one in courses)
-            rest = stay and alone
-            if not system.advance():
-                break
-            for event in system.events[seen:]:
-                what = f"the {event.kind} of particle {event.particle} is after the end"
-                after = certain_above(event.turns, end, what, event.number)
-                late = after and certain_above(event.turns, end + PATIENCE, what, event.number)
-                courses[event.particle].add(event, after, late)
-                counted += not after
-            seen = len(system.events)
-            if system.landings > problem.max_landings:
-                raise TooManyLandingsError(
-                    f"max_landings = {problem.max_landings!r}: more come before the end; raise it "
-                    f"or shorten the duration"
-                )
-            if counted < seen and all(
-                one.complete or (one.waits and (late or rest)) for one in courses
-            ):
-                break
-        particles = tuple(one.trajectory(problem, rest, bits) for one in courses)
-        return CoupledMotion(particles, tuple(system.events[:counted]), bits)
+def _trajectory(
+    units: _Units, events: list[ParticleEvent], counted: int, rest: bool, bits: int
+) -> Trajectory:
+    """Trajectory of a particle; if it rides at the end, it may be at `rest` for good."""
+    impacts: list[ProvedImpact] = []
+    for i, landed in enumerate(events[:counted]):
+        if landed.kind is not LANDING:
+            continue
+        rested = _rests(landed)
+        left, count = i + rested, nearest_integer(landed.turns)
+        liftoff = speed = flight = None
+        time, phase = units.time(landed.turns), landed.turns - count
+        limits = units.limits
+        narrow = [(time, limits.time), (phase, limits.phase)]
+        if left < len(events):
+            liftoff, speed = units.time(events[left].turns), units.speed * events[left].after
+            flight = _flight(units, *events[left : left + 2])
+            narrow += [(liftoff, limits.time), (speed, limits.velocity)]
+            narrow.append((flight.duration, limits.phase))
+        limits.require(landed.number, *narrow)
+        arrival = landed.base_before - landed.before
+        impacts.append(ProvedImpact(time, liftoff, speed, rested, count, phase, flight, arrival))
+    at_rest = rest and counted > 0 and _rests(events[counted - 1])
+    launch = _flight(units, *events[:2])
+    return Trajectory(launch, tuple(impacts), at_rest, Status.COMPLETED, bits)
+
+
+def _flight(units: _Units, event: ParticleEvent, landed: ParticleEvent) -> ProvedFlight:
+    """Flight that an event begins, and the next one ends."""
+    if landed.turns is event.turns:  # a launch that is slower than the base
+        return ProvedFlight(event.relative, units.length * event.height, ZERO, None)
+    rising = event.after.max(ZERO)
+    top = event.height + rising * rising / 4
+    return ProvedFlight(event.relative, units.length * top, landed.turns - event.turns, None)
