@@ -422,7 +422,8 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
         start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
         piece, owner = samples.piece[start], samples.particle[start]
         ends = _ends(samples, member, fits, levels[owner], base_fit, fall)
-        junctions = join(fits, piece, ends, noise, fall)
+        contact = base_fit.contact
+        junctions = join(fits, piece, ends, noise, fall, contact)
         if turn < FIT_ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
         poor = poor_flights(fits, noise)
@@ -436,7 +437,7 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
         base_fit = fit_base(
             contacts, base_fit.oscillation.frequency, free=free, moves=True, trace=trace
         )
-    of_levels = slice(base_fit.values.size - base_fit.levels.size, None)
+    of_levels = slice(-1 - base_fit.levels.size, -1)
     spread = base_fit.covariance[of_levels, of_levels]
     return Flights(
         fits,
@@ -527,7 +528,7 @@ def _fit_law(problem: Problem, base_fit: BaseFit) -> FittedLaw:
     spread = np.sqrt(np.maximum(np.diag(base_fit.covariance), 1e-20))
     scale = np.append(spread, [0.1] * law.parameters)
     try:
-        found, used = without_outliers(problem, start, scale, base_fit.kept)
+        _, found, used, _ = without_outliers(problem, start, scale, base_fit.kept)
     except np.linalg.LinAlgError:
         return failed_fit(law, base_fit.kept.size)
     covariance, misfit, freedom = covariance_of_fit(found)

@@ -208,7 +208,7 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
         pairs = [f"{letter}{h}" for h in numbers for letter in "SC"]
         words = "of the base that moves with the sum of Sh sin 2 pi h f t + Ch cos 2 pi h f t"
     names = ["restitution", *pairs[:2], "frequency", *pairs[2:]]
-    names = names[: base_fit.values.size - base_fit.levels.size]  # the frequency may be known
+    names = names[: base_fit.problem.parameters]  # the frequency may be known
     fit, used = law or base_fit, law.bounces if law else int(base_fit.kept.sum())
     names += ["restitution_speed"] if law and law.law.parameters else []
     of_base = slice(None, len(names))
@@ -226,6 +226,7 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
             "shaken_misfit": ((), fit.misfit, {"long_name": "chi-square per degree of freedom"}),
             "shaken_freedom": ((), fit.freedom, {"long_name": "degrees of freedom"}),
             "shaken_bounces": ((), used, {"long_name": "bounces used"}),
+            **with_units((), _of_bounces(base_fit)),
         },
         coords={
             "of_base": names,
@@ -233,6 +234,19 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
             "of_base_units": ("of_base", [units.get(name, "m s-1") for name in names]),
         },
     )
+
+
+def _of_bounces(fit: BaseFit) -> dict[str, tuple[float, str, str]]:
+    """Length of a contact and scatter of the restitution, as variables with their errors."""
+    error, limit = float(np.sqrt(fit.covariance[-1, -1])), fit.scatter_limit
+    effect = abs(float(fit.covariance[0, -1])) / error
+    return {
+        "contact": (float(fit.values[-1]), "s", "length of a contact"),
+        "contact_error": (error, "s", "its standard error"),
+        "contact_effect": (effect, "1", "its contribution to the error of the restitution"),
+        "scatter": (fit.problem.scatter, "1", "scatter of the restitution from bounce to bounce"),
+        "scatter_limit": (limit, "1", "one-sided limit (95 %) of the scatter"),
+    }
 
 
 def _landings_by_fit(
