@@ -14,6 +14,7 @@ from scipy.special import chdtrc
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError
+from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.flights import (
     Fits,
     Samples,
@@ -532,9 +533,10 @@ def contacts_between(
 # determine, with a wide prior.  The restitution of each bounce may scatter: its standard deviation
 # maximises the likelihood, and is a component of the errors of the second equation.
 #
-# The bounces of a chain of flights determine its states almost as a deterministic orbit does: errors
-# of first order cancel in some combinations of many equations, whose weights would be absurd without
-# the squares of these errors, in which a linear propagation is wrong.
+# The equations of a chain of flights are those of a deterministic orbit, on which errors grow: in
+# some combinations of many equations errors of first order cancel.  The squares of errors remain,
+# which a linear propagation leaves out; without them such combinations would have far too large
+# weights.
 
 # Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
 # the few but decisive contacts off a locked orbit, then narrow, against outliers.
@@ -549,9 +551,8 @@ ROUNDS: Final = 2
 MOST_STEPS: Final = 30
 STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite differences
 STEP_OF_CONTACT: Final = 1e-7  # s, of the length of a contact
-# Length of a contact (s): the longest that is expected, which is also the standard deviation of the
-# prior about 0
-LONGEST_CONTACT: Final = 5e-3
+LONGEST_CONTACT: Final = 5e-3  # s, that is expected
+ANY_CONTACT: Final = Input(0.0, LONGEST_CONTACT)
 SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # of e that are tried first
 ONE_SIDED: Final = 2.71  # rise of the deviance at a one-sided limit of 95 %
 
@@ -673,6 +674,7 @@ class Problem(NamedTuple):
     trace: Trace | None
     # Law of restitution; a speed of yielding is the last parameter, after the length of a contact
     law: Law = Law()
+    contact: Input = ANY_CONTACT  # what is known of the length of a contact, s
     scatter: float = 0.0  # standard deviation of the restitution from bounce to bounce
 
     @property
@@ -711,8 +713,8 @@ class Problem(NamedTuple):
         after, q = self.law.rebound_speed(arrives, e, values[-1])
         bounce = c.departure - c.gravity * ends - base.velocity(c.time + ends) - after
         turn = (1.0 + q) * (c.gravity + base.acceleration(c.time)) / closing
-        when = c.noise**2 * (line_variance(c.before, c.time) + line_variance(c.after, c.time))
-        when /= closing**2  # variance of the instant
+        when = (c.noise / closing) ** 2  # variance of the instant
+        when *= line_variance(c.before, c.time) + line_variance(c.after, c.time)
         own = np.stack([0.5 * fall**2 * when**2, 0.5 * (1.0 + q) ** 2 * when**2], axis=1)
         own[:, 1] *= base.jerk(c.time) ** 2
         own[:, 1] += (self.scatter * arrives) ** 2
@@ -783,7 +785,7 @@ class Problem(NamedTuple):
         ends = SCATTERS[max(k - 1, 0)], SCATTERS[min(k + 1, tried.size - 1)]
         found = minimize_scalar(deviance, bounds=ends, method="bounded", options={"xatol": 1e-6})
         best, least = (found.x, found.fun) if found.fun < tried[k] else (SCATTERS[k], tried[k])
-        beyond = SCATTERS[(tried > least + ONE_SIDED) & (SCATTERS > best)]
+        beyond = SCATTERS[(tried > least + ONE_SIDED) & (best < SCATTERS)]
         limit = beyond[0] if beyond.size else SCATTERS[-1]
         if beyond.size:
             limit = brentq(lambda s: deviance(s) - least - ONE_SIDED, best, limit)
@@ -802,12 +804,14 @@ class Problem(NamedTuple):
             chosen = np.flatnonzero(kept)
             right[2 * np.arange(chosen.size), self.owner[chosen]] = -1.0
         parts = [solve_banded((3, 0), factor, right)]
-        parts.append(np.zeros((1, levels)) if slopes else values[place : place + 1] / LONGEST_CONTACT)
+        known, error, _ = self.contact
+        off = (values[place : place + 1] - known) / error
+        parts.append(np.zeros((1, levels)) if slopes else off)
         if self.trace is not None:
             root = np.linalg.inv(np.linalg.cholesky(self.trace.covariance))
             motion = values[1 : self.parameters]
-            known = self.trace.values
-            parts.append(np.zeros((known.size, levels)) if slopes else root @ (motion - known))
+            off = root @ (motion - self.trace.values)
+            parts.append(np.zeros((off.size, levels)) if slopes else off)
         return np.concatenate(parts)
 
     def derivatives(self, values: Array, kept: Flags) -> Array:
@@ -826,19 +830,26 @@ class Problem(NamedTuple):
 
 
 def fit_base(
-    contacts: Contacts, frequency: float, *, free: bool, moves: bool, trace: Trace | None = None
+    contacts: Contacts,
+    frequency: float,
+    *,
+    free: bool,
+    moves: bool,
+    trace: Trace | None = None,
+    contact: Input = ANY_CONTACT,
 ) -> BaseFit:
     """Fit the motion of a base to contacts.
 
     The frequency (Hz) is a parameter if `free` or if there is a `trace`, a measured motion of the
-    base.  Without `moves` the base has a constant level and kicks.  Raises a TrackError if there
-    are fewer equations than parameters.
+    base; `contact` is what is known of the length of a contact (s).  Without `moves` the base has
+    a constant level and kicks.  Raises a TrackError if there are fewer equations than parameters.
     """
     particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None
-    problem = Problem(contacts, owner, None if free else frequency, float(moves), trace)
-    known, count = 0 if trace is None else trace.values.size, problem.parameters
-    if 2 * contacts.time.size + known < count + particles.size or not contacts.time.size:
+    known = None if free else frequency
+    problem = Problem(contacts, owner, known, float(moves), trace, contact=contact)
+    traced, count = 0 if trace is None else trace.values.size, problem.parameters
+    if 2 * contacts.time.size + traced < count + particles.size or not contacts.time.size:
         raise TrackError(UNDETERMINED)
     values, scale = _start(problem, frequency, particles.size)
     for bend in BENDS:
@@ -915,7 +926,7 @@ def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Arra
     scale = np.concatenate([np.full(count, 0.1), np.full(levels, 1e-4), [1e-4]])
     if problem.frequency is None:
         scale[3] = 1e-3
-    return np.array([*start, *medians, 0.0]), scale
+    return np.array([*start, *medians, problem.contact.value]), scale
 
 
 def _restitution(contacts: Contacts, base: Oscillation) -> float:
@@ -935,12 +946,14 @@ MOST: Final = 1000
 LEAST_SIGNAL: Final = 3.0
 
 
-def which_base(contacts: Contacts, frequency: float | None = None) -> tuple[str, BaseFit | None]:
+def which_base(
+    contacts: Contacts, frequency: float | None = None, contact: Input = ANY_CONTACT
+) -> tuple[str, BaseFit | None]:
     """Fit a moving base and one at a constant level to contacts, and compare both.
 
     Returns ``"moving"``, ``"level"`` or ``"undetermined"``, and the fit of a moving base; None for
     contacts that do not determine the motion, such as those of a locked orbit, all at one phase.
-    The frequency (Hz) is estimated if it is None.
+    The frequency (Hz) is estimated if it is None; `contact` is as in `fit_base`.
     """
     few = contacts.earliest(MOST)
     if _too_few(few):
@@ -950,7 +963,10 @@ def which_base(contacts: Contacts, frequency: float | None = None) -> tuple[str,
     rates = [rate for rate in rates if _signal(few, rate) >= LEAST_SIGNAL]
     if not rates:
         return "undetermined", None
-    tried = [[fit_base(few, r, free=free, moves=m) for r in rates] for m in (True, False)]
+    tried = [
+        [fit_base(few, rate, free=free, moves=moves, contact=contact) for rate in rates]
+        for moves in (True, False)
+    ]
     # with the same scatter, the smallest, that a worse fit does not hide its residuals
     scatter = min(fit.problem.scatter for fits in tried for fit in fits)
     moving, level = (
@@ -964,7 +980,8 @@ def moves(moving: BaseFit) -> bool:
     contacts, free = moving.problem.contacts, moving.problem.frequency is None
     if _too_few(contacts):
         return False
-    level = fit_base(contacts, moving.oscillation.frequency, free=free, moves=False)
+    known = moving.problem.contact
+    level = fit_base(contacts, moving.oscillation.frequency, free=free, moves=False, contact=known)
     scatter = min(moving.problem.scatter, level.problem.scatter)
     return _preferred(_with_scatter(moving, scatter), _with_scatter(level, scatter)) == "moving"
 
