@@ -10,7 +10,7 @@ import pytest
 
 from vibrosweep import lab
 from vibrosweep.cli import main
-from vibrosweep.errors import VibrosweepError
+from vibrosweep.errors import ParameterError, VibrosweepError
 from vibrosweep.lab import FloorExperiment, Recording, film_drops, hear_drops
 
 NUMBERS = ("nan", "inf", "-1", "0", "1e300", "", "abc")
@@ -141,6 +141,15 @@ def test_a_virtual_film_refuses_absurd_setups():
     for name in inspect.signature(lab.Experiment).parameters:
         for value in ABSURD:
             survives(partial(lab.Experiment, **{name: value}))
+
+
+@pytest.mark.parametrize("kind", [lab.Camera, lab.Variation])
+def test_cameras_and_variations_refuse_absurd_values(kind):
+    """Where they are made: each has one range, that of its key in a file."""
+    for name in inspect.signature(kind).parameters:
+        for value in (np.nan, np.inf, -1.0, 1e300, (0.1, 0.2), "abc", None):
+            with pytest.raises(ParameterError, match=rf"^{name} = .*: must be "):
+                kind(**{name: value})
 
 
 def test_virtual_drops_refuse_absurd_setups():

@@ -158,7 +158,7 @@ def test_a_trace_of_the_base_determines_what_a_locked_orbit_does_not(tmp_path):
     height = -size * np.cos(OMEGA * time + PHASE) + 1e-5 * rng.standard_normal(time.size)
     path = tmp_path / "base.csv"
     pd.DataFrame({"time": time, "height": height}).to_csv(path, index=False)
-    found = find_impacts(tracks, trace=read_trace(path))
+    found = find_impacts(tracks, trace=read_trace(path), contact=1e-6)
     one = estimate(found)
     own = one.sel(parameter="restitution")
     assert abs(float(own["estimate"]) - 0.9) < 5.0 * float(own["error"])

@@ -70,7 +70,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _add_tracks(impacts)
     impacts.add_argument(
-        "--contact", metavar="S", type=float, help="length of a contact, for times; default: 0"
+        "--contact",
+        metavar="S",
+        type=float,
+        help="length of a contact; default: 0 for times, found from tracks of a moving base",
     )
     impacts.add_argument("--frequency", metavar="HZ", type=float, help="frequency of the forcing")
     impacts.add_argument(
@@ -249,6 +252,7 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
 def _setup(options: argparse.Namespace) -> Setup:
     """Return what the options say about the recordings."""
     from vibrosweep.lab.fitting import Setup
+    from vibrosweep.lab.impacts import contact_of
     from vibrosweep.lab.traces import read_trace
 
     return Setup(
@@ -259,6 +263,7 @@ def _setup(options: argparse.Namespace) -> Setup:
         None
         if options.base_trace is None
         else read_trace(options.base_trace, column=options.column),
+        contact_of(getattr(options, "contact", None)),
     )
 
 

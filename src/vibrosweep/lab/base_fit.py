@@ -9,11 +9,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, solve_banded
-from scipy.optimize import OptimizeResult, least_squares, minimize_scalar
+from scipy.optimize import OptimizeResult, brentq, least_squares, minimize_scalar
 from scipy.special import chdtrc
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError
+from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.flights import (
     Fits,
     Samples,
@@ -459,13 +460,29 @@ class Cut(NamedTuple):
 def find_contacts(samples: Samples, gravity: float) -> Cut:
     """Find contacts with the base; flights fall with the acceleration `gravity` (m s-2)."""
     member, noise = stretches(samples, gravity)
-    start = np.flatnonzero(np.diff(member, prepend=-1))
+    member = _without_contacts(samples, member)
+    start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
     extent = np.maximum.reduceat(samples.height, start)
     extent -= np.minimum.reduceat(samples.height, start)
     found = gravity_of_high_flights(samples, member, extent, noise)  # high stretches are not stays
     fits = fit_parabolas(samples, member, start.size, gravity)
     every = np.flatnonzero(np.diff(samples.piece[start]) == 0)
     return Cut(contacts_between(samples, member, fits, every, noise, gravity), member, *found)
+
+
+def _without_contacts(samples: Samples, member: Indices) -> Indices:
+    """Return the number of the stretch of each sample, -1 in stretches as short as a contact."""
+    start = np.flatnonzero(np.diff(member, prepend=-1))
+    step = float(np.median(np.diff(samples.time)))
+    last = np.append(start[1:], member.size) - 1
+    brief = samples.time[last] - samples.time[start] + step < LONGEST_CONTACT + 1e-6 * step
+    # between two flights of one piece of track
+    inner = np.diff(samples.piece[start]) == 0
+    brief[1:] &= inner
+    brief[:-1] &= inner
+    brief[[0, -1]] = False
+    number = np.where(brief, -1, np.cumsum(~brief) - 1)
+    return np.asarray(number[member])
 
 
 def contacts_between(
@@ -510,6 +527,16 @@ def contacts_between(
 # parameters, errors of the arrival do not bias e (Deming regression).  A base of constant level
 # that kicks with A = (1 + e) V0 obeys the same equations without the oscillating term of y, which
 # distinguishes the two bases.
+#
+# A contact that lasts for tau begins before the parabolas meet and ends after it, by shares of tau
+# as its speeds are, and they meet below the base.  Its length is a parameter, which heights
+# determine, with a wide prior.  The restitution of each bounce may scatter: its standard deviation
+# maximises the likelihood, and is a component of the errors of the second equation.
+#
+# The equations of a chain of flights are those of a deterministic orbit, on which errors grow: in
+# some combinations of many equations errors of first order cancel.  The squares of errors remain,
+# which a linear propagation leaves out; without them such combinations would have far too large
+# weights.
 
 # Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
 # the few but decisive contacts off a locked orbit, then narrow, against outliers.
@@ -523,6 +550,11 @@ UNDETERMINED: Final = (
 ROUNDS: Final = 2
 MOST_STEPS: Final = 30
 STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite differences
+STEP_OF_CONTACT: Final = 1e-7  # s, of the length of a contact
+LONGEST_CONTACT: Final = 5e-3  # s, that is expected
+ANY_CONTACT: Final = Input(0.0, LONGEST_CONTACT)
+SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # of e that are tried first
+ONE_SIDED: Final = 2.71  # rise of the deviance at a one-sided limit of 95 %
 
 
 class Oscillation(NamedTuple):
@@ -553,10 +585,11 @@ class Oscillation(NamedTuple):
 
     def velocity(self, time: Array) -> Array:
         """Velocity in m s-1 at instants in s."""
-        angle = TWO_PI * self.frequency * time
-        return np.asarray(
-            sum(s * np.sin(h * angle) + c * np.cos(h * angle) for h, s, c in self.tones)
-        )
+        return np.asarray(sum(speed for _, speed in self._velocities(time)))
+
+    def jerk(self, time: Array) -> Array:
+        """Rate of change of the acceleration in m s-3."""
+        return np.asarray(sum(-(omega**2) * speed for omega, speed in self._velocities(time)))
 
     def height(self, time: Array) -> Array:
         """Height in m above the level."""
@@ -565,6 +598,12 @@ class Oscillation(NamedTuple):
     def acceleration(self, time: Array) -> Array:
         """Acceleration in m s-2."""
         return np.asarray(sum(-(omega**2) * rise for omega, rise in self._heights(time)))
+
+    def _velocities(self, time: Array) -> Iterator[tuple[float, Array]]:
+        """Angular frequency (rad s-1) and velocity (m s-1) of each harmonic."""
+        angle = TWO_PI * self.frequency * time
+        for h, s, c in self.tones:
+            yield TWO_PI * self.frequency * h, s * np.sin(h * angle) + c * np.cos(h * angle)
 
     def _heights(self, time: Array) -> Iterator[tuple[float, Array]]:
         """Angular frequency (rad s-1) and height (m) of each harmonic."""
@@ -603,7 +642,7 @@ class BaseFit(NamedTuple):
     """Motion of a base, fitted to contacts."""
 
     # values, covariance: restitution, S, C, f if it was free, S and C of other harmonics; then the
-    # level below each particle
+    # level below each particle, and the length of a contact (s)
     values: Array
     covariance: Array
     problem: Problem  # contacts to which it was fitted
@@ -617,6 +656,12 @@ class BaseFit(NamedTuple):
     freedom: int
     # Squared distance of each contact in standard errors, at most `FAR`; shape (contact,)
     distance: Array
+    scatter_limit: float  # one-sided limit (95 %) of the scatter of the restitution
+
+    @property
+    def contact(self) -> float:
+        """Length of a contact in s, at least 0."""
+        return max(float(self.values[-1]), 0.0)
 
 
 class Problem(NamedTuple):
@@ -627,8 +672,10 @@ class Problem(NamedTuple):
     frequency: float | None
     moves: float
     trace: Trace | None
-    # Law of restitution; a speed of yielding is the last parameter, after the levels
+    # Law of restitution; a speed of yielding is the last parameter, after the length of a contact
     law: Law = Law()
+    contact: Input = ANY_CONTACT  # what is known of the length of a contact, s
+    scatter: float = 0.0  # standard deviation of the restitution from bounce to bounce
 
     @property
     def parameters(self) -> int:
@@ -644,23 +691,39 @@ class Problem(NamedTuple):
             motion = np.append(motion, self.frequency)
         return Oscillation(motion, (1,) if self.trace is None else self.trace.numbers)
 
-    def equations(self, values: Array) -> tuple[Array, Array, Array]:
-        """Residuals of height and velocity, and their derivatives by the errors of both flights.
+    def equations(self, values: Array) -> tuple[Array, Array, Array, Array]:
+        """Residuals of height and velocity, and their errors.
 
-        Shapes are (contact, 2) and (contact, 2, 2): by level and slope, per standard error.
+        Returns the residuals, shape (contact, 2), their derivatives by the level and the slope of
+        the flights before and after, per standard error, shapes (contact, 2, 2), and variances that
+        no other contact shares, shape (contact, 2): of scatter, and of the squares of errors.
         """
         c, e, base = self.contacts, values[0], self.base(values)
-        velocity, moves = base.velocity(c.time), self.moves
+        closing, moves = c.departure - c.arrival, self.moves
+        lasting = values[-1 - self.law.parameters] / closing
+        shift = moves * base.velocity(c.time)
+        falls, rises = shift - c.arrival, c.departure - shift  # towards and away from the base
+        begins, ends = -lasting * rises, lasting * falls  # of a contact, since the parabolas meet
+        fall = c.gravity + moves * base.acceleration(c.time)
         left = c.height - values[self.parameters + self.owner] - moves * base.height(c.time)
-        after, q = self.law.rebound_speed(velocity - c.arrival, e, values[-1])
-        bounce = c.departure - velocity - after
-        closing = c.departure - c.arrival
+        left += lasting * falls * rises
+        left -= 0.5 * fall * lasting**2 * (falls**3 + rises**3) / closing
+        velocity = base.velocity(c.time + begins)
+        arrives = velocity - c.arrival + c.gravity * begins
+        after, q = self.law.rebound_speed(arrives, e, values[-1])
+        bounce = c.departure - c.gravity * ends - base.velocity(c.time + ends) - after
         turn = (1.0 + q) * (c.gravity + base.acceleration(c.time)) / closing
+        when = (c.noise / closing) ** 2  # variance of the instant
+        when *= line_variance(c.before, c.time) + line_variance(c.after, c.time)
+        own = np.stack([0.5 * fall**2 * when**2, 0.5 * (1.0 + q) ** 2 * when**2], axis=1)
+        own[:, 1] *= base.jerk(c.time) ** 2
+        own[:, 1] += (self.scatter * arrives) ** 2
         parts = []
         for fits, height, by_height, by_slope in (
-            (c.before, (c.departure - moves * velocity) / closing, -turn, q),
-            (c.after, (moves * velocity - c.arrival) / closing, turn, 1.0),
+            (c.before, rises / closing, -turn, q),
+            (c.after, falls / closing, turn, 1.0),
         ):
+            own[:, 0] += height**2 * when * c.noise**2 / fits.spread
             of_level, of_slope = c.noise / np.sqrt(fits.number), c.noise / np.sqrt(fits.spread)
             since = c.time - fits.centre
             rows = [
@@ -668,12 +731,13 @@ class Problem(NamedTuple):
                 [by_height * of_level, (by_height * since + by_slope) * of_slope],
             ]
             parts.append(np.moveaxis(np.array(rows), -1, 0))
-        return np.stack([left, bounce], axis=1), parts[0], parts[1]
+        return np.stack([left, bounce], axis=1), parts[0], parts[1], own
 
     def residuals(self, values: Array) -> Array:
         """Residuals in standard errors, ignoring correlations; shape (contact, 2)."""
-        left, before, after = self.equations(values)
-        return np.asarray(left / np.sqrt((before**2).sum(axis=2) + (after**2).sum(axis=2)))
+        left, before, after, own = self.equations(values)
+        variance = (before**2).sum(axis=2) + (after**2).sum(axis=2) + own
+        return np.asarray(left / np.sqrt(variance))
 
     def inliers(self, values: Array) -> Flags:
         """Mark the contacts that are not outliers; shape (contact,)."""
@@ -690,12 +754,13 @@ class Problem(NamedTuple):
         """Residuals in standard errors, flattened."""
         return self.residuals(values).ravel()
 
-    def whitened(self, values: Array, kept: Flags, *, slopes: bool = False) -> Array:
-        """Residuals whitened to unit covariance; with `slopes`, their derivatives by the levels."""
-        left, before, after = self.equations(values)
+    def _factor(self, values: Array, kept: Flags) -> tuple[Array, Array]:
+        """Residuals of the `kept` contacts, and the banded factor of their covariance."""
+        left, before, after, own = self.equations(values)
         chosen = np.flatnonzero(kept)
         left, before, after = left[chosen], before[chosen], after[chosen]
         block = before @ before.transpose(0, 2, 1) + after @ after.transpose(0, 2, 1)
+        block[:, [0, 1], [0, 1]] += own[chosen]
         linked = self.contacts.linked[chosen[:-1]] & (np.diff(chosen) == 1)
         following = before[1:] @ after[:-1].transpose(0, 2, 1) * linked[:, np.newaxis, np.newaxis]
         band = np.zeros((4, 2 * chosen.size))
@@ -705,23 +770,55 @@ class Problem(NamedTuple):
         band[1, 1:-1:2] = following[:, 0, 1]
         band[2, :-2] = np.stack([following[:, 0, 0], following[:, 1, 1]], axis=1).ravel()
         band[3, 0:-2:2] = following[:, 1, 0]
-        levels = values.size - self.parameters - self.law.parameters
-        right = np.zeros((2 * chosen.size, levels)) if slopes else left.ravel()
+        return left.ravel(), cholesky_banded(band, lower=True)
+
+    def scattered(self, values: Array, kept: Flags) -> tuple[Problem, float]:
+        """Return the problem with the scatter that is most likely, and the limit of the scatter."""
+
+        def deviance(scatter: float) -> float:
+            left, factor = self._replace(scatter=scatter)._factor(values, kept)
+            white = solve_banded((3, 0), factor, left)
+            return float(white @ white + 2.0 * np.log(factor[0]).sum())
+
+        tried = np.array([deviance(scatter) for scatter in SCATTERS])
+        k = int(tried.argmin())
+        ends = SCATTERS[max(k - 1, 0)], SCATTERS[min(k + 1, tried.size - 1)]
+        found = minimize_scalar(deviance, bounds=ends, method="bounded", options={"xatol": 1e-6})
+        best, least = (found.x, found.fun) if found.fun < tried[k] else (SCATTERS[k], tried[k])
+        beyond = SCATTERS[(tried > least + ONE_SIDED) & (best < SCATTERS)]
+        limit = beyond[0] if beyond.size else SCATTERS[-1]
+        if beyond.size:
+            limit = brentq(lambda s: deviance(s) - least - ONE_SIDED, best, limit)
+        return self._replace(scatter=float(best)), float(limit)
+
+    def whitened(self, values: Array, kept: Flags, *, slopes: bool = False) -> Array:
+        """Residuals whitened to unit covariance; with `slopes`, their derivatives by the levels.
+
+        Those of the prior of the contact, and of the trace, follow.
+        """
+        left, factor = self._factor(values, kept)
+        place = values.size - 1 - self.law.parameters  # of the length of a contact
+        levels = place - self.parameters
+        right = np.zeros((left.size, levels)) if slopes else left
         if slopes:
+            chosen = np.flatnonzero(kept)
             right[2 * np.arange(chosen.size), self.owner[chosen]] = -1.0
-        solved = solve_banded((3, 0), cholesky_banded(band, lower=True), right)
-        if self.trace is None:
-            return np.asarray(solved)
-        root = np.linalg.inv(np.linalg.cholesky(self.trace.covariance))
-        if slopes:
-            return np.concatenate([solved, np.zeros((self.trace.values.size, levels))])
-        motion = values[1 : self.parameters]
-        return np.concatenate([solved, root @ (motion - self.trace.values)])
+        parts = [solve_banded((3, 0), factor, right)]
+        known, error, _ = self.contact
+        off = (values[place : place + 1] - known) / error
+        parts.append(np.zeros((1, levels)) if slopes else off)
+        if self.trace is not None:
+            root = np.linalg.inv(np.linalg.cholesky(self.trace.covariance))
+            motion = values[1 : self.parameters]
+            off = root @ (motion - self.trace.values)
+            parts.append(np.zeros((off.size, levels)) if slopes else off)
+        return np.concatenate(parts)
 
     def derivatives(self, values: Array, kept: Flags) -> Array:
         """Derivatives of `whitened` by all parameters."""
         more = self.parameters - len(STEPS)
         steps = dict(enumerate((STEPS + STEPS[1:2] * more)[: self.parameters]))
+        steps |= {values.size - 1 - self.law.parameters: STEP_OF_CONTACT}
         steps |= {values.size - 1: STEP} if self.law.parameters else {}
         columns = []
         for k, step in steps.items():
@@ -733,19 +830,26 @@ class Problem(NamedTuple):
 
 
 def fit_base(
-    contacts: Contacts, frequency: float, *, free: bool, moves: bool, trace: Trace | None = None
+    contacts: Contacts,
+    frequency: float,
+    *,
+    free: bool,
+    moves: bool,
+    trace: Trace | None = None,
+    contact: Input = ANY_CONTACT,
 ) -> BaseFit:
     """Fit the motion of a base to contacts.
 
     The frequency (Hz) is a parameter if `free` or if there is a `trace`, a measured motion of the
-    base.  Without `moves` the base has a constant level and kicks.  Raises a TrackError if there
-    are fewer equations than parameters.
+    base; `contact` is what is known of the length of a contact (s).  Without `moves` the base has
+    a constant level and kicks.  Raises a TrackError if there are fewer equations than parameters.
     """
     particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None
-    problem = Problem(contacts, owner, None if free else frequency, float(moves), trace)
-    known, count = 0 if trace is None else trace.values.size, problem.parameters
-    if 2 * contacts.time.size + known < count + particles.size or not contacts.time.size:
+    known = None if free else frequency
+    problem = Problem(contacts, owner, known, float(moves), trace, contact=contact)
+    traced, count = 0 if trace is None else trace.values.size, problem.parameters
+    if 2 * contacts.time.size + traced < count + particles.size or not contacts.time.size:
         raise TrackError(UNDETERMINED)
     values, scale = _start(problem, frequency, particles.size)
     for bend in BENDS:
@@ -757,7 +861,7 @@ def fit_base(
             x_scale=scale,
             max_nfev=MOST_STEPS,
         ).x
-    found, kept = without_outliers(problem, values, scale, problem.inliers(values))
+    problem, found, kept, limit = without_outliers(problem, values, scale, problem.inliers(values))
     values = found.x
     covariance, misfit, freedom = covariance_of_fit(found)
     return BaseFit(
@@ -766,23 +870,25 @@ def fit_base(
         problem,
         problem.base(values),
         particles,
-        values[count:],
+        values[count:-1],
         kept,
         misfit,
         freedom,
         problem.distance(values),
+        limit,
     )
 
 
 def without_outliers(
     problem: Problem, values: Array, scale: Array, kept: Flags
-) -> tuple[OptimizeResult, Flags]:
+) -> tuple[Problem, OptimizeResult, Flags, float]:
     """Fit the contacts that are `kept`, then fit again without outliers.
 
-    Returns the last fit, and flags of the contacts that it used.  The first fit begins at `values`,
-    whose scale is `scale`.
+    Returns the problem with its scatter, the last fit, flags of the contacts that it used, and the
+    limit of the scatter.  The first fit begins at `values`, whose scale is `scale`.
     """
     for _ in range(ROUNDS):
+        problem, limit = problem.scattered(values, kept)
         found = least_squares(
             problem.whitened,
             values,
@@ -792,7 +898,7 @@ def without_outliers(
             max_nfev=MOST_STEPS,
         )
         used, values, kept = kept, found.x, problem.inliers(found.x)
-    return found, used
+    return problem, found, used, limit
 
 
 def covariance_of_fit(found: OptimizeResult) -> tuple[Array, float, int]:
@@ -817,10 +923,10 @@ def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Arra
     if trace is not None and count > len(start):
         start = [_restitution(contacts, Oscillation(trace.values, trace.numbers)), *trace.values]
     medians = [np.median(contacts.height[problem.owner == p]) for p in range(levels)]
-    scale = np.concatenate([np.full(count, 0.1), np.full(levels, 1e-4)])
+    scale = np.concatenate([np.full(count, 0.1), np.full(levels, 1e-4), [1e-4]])
     if problem.frequency is None:
         scale[3] = 1e-3
-    return np.array([*start, *medians]), scale
+    return np.array([*start, *medians, problem.contact.value]), scale
 
 
 def _restitution(contacts: Contacts, base: Oscillation) -> float:
@@ -840,12 +946,14 @@ MOST: Final = 1000
 LEAST_SIGNAL: Final = 3.0
 
 
-def which_base(contacts: Contacts, frequency: float | None = None) -> tuple[str, BaseFit | None]:
+def which_base(
+    contacts: Contacts, frequency: float | None = None, contact: Input = ANY_CONTACT
+) -> tuple[str, BaseFit | None]:
     """Fit a moving base and one at a constant level to contacts, and compare both.
 
     Returns ``"moving"``, ``"level"`` or ``"undetermined"``, and the fit of a moving base; None for
     contacts that do not determine the motion, such as those of a locked orbit, all at one phase.
-    The frequency (Hz) is estimated if it is None.
+    The frequency (Hz) is estimated if it is None; `contact` is as in `fit_base`.
     """
     few = contacts.earliest(MOST)
     if _too_few(few):
@@ -855,9 +963,14 @@ def which_base(contacts: Contacts, frequency: float | None = None) -> tuple[str,
     rates = [rate for rate in rates if _signal(few, rate) >= LEAST_SIGNAL]
     if not rates:
         return "undetermined", None
-    moving, level = (
-        min((fit_base(few, r, free=free, moves=moves) for r in rates), key=_distance)
+    tried = [
+        [fit_base(few, rate, free=free, moves=moves, contact=contact) for rate in rates]
         for moves in (True, False)
+    ]
+    # with the same scatter, the smallest, that a worse fit does not hide its residuals
+    scatter = min(fit.problem.scatter for fits in tried for fit in fits)
+    moving, level = (
+        min((_with_scatter(fit, scatter) for fit in fits), key=_distance) for fits in tried
     )
     return _preferred(moving, level), moving
 
@@ -867,8 +980,15 @@ def moves(moving: BaseFit) -> bool:
     contacts, free = moving.problem.contacts, moving.problem.frequency is None
     if _too_few(contacts):
         return False
-    level = fit_base(contacts, moving.oscillation.frequency, free=free, moves=False)
-    return _preferred(moving, level) == "moving"
+    known = moving.problem.contact
+    level = fit_base(contacts, moving.oscillation.frequency, free=free, moves=False, contact=known)
+    scatter = min(moving.problem.scatter, level.problem.scatter)
+    return _preferred(_with_scatter(moving, scatter), _with_scatter(level, scatter)) == "moving"
+
+
+def _with_scatter(fit: BaseFit, scatter: float) -> BaseFit:
+    """Return a fit with the distances of its contacts for another scatter."""
+    return fit._replace(distance=fit.problem._replace(scatter=scatter).distance(fit.values))
 
 
 def _too_few(contacts: Contacts) -> bool:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.stats import ks_2samp
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.engine.landings import all_parameters
@@ -481,7 +483,8 @@ KNOWN: Final = {
 APART: Final = 0.5
 REGULAR: Final = 1e-3  # relative standard deviation of flights that are all alike
 FEWEST: Final = 8  # flights with which this can be told
-CHANCE: Final = 1.36  # distance of two samples, over sqrt(1/n + 1/m), that chance exceeds in 5 %
+COPIES: Final = 12  # predictions from starts that differ by the error of a measurement
+LIMIT: Final = 0.95  # share of the distances of two predictions below the limit of chance
 MOST_DRAWS: Final = 10**6
 SHARES: Final = ("frames", "pixels", "parameters")
 
@@ -542,7 +545,8 @@ def compare_tracks(
         Dim case:
 
         - ``irregular``: share of particles whose single flights cannot be predicted;
-        - ``distribution_chance``: distance that chance exceeds in 5 %;
+        - ``distribution_chance``: distance that two predictions exceed in 5 %, whose starts differ
+          by the error of their measurement; flights of one orbit are not independent;
         - ``particles``, ``repeats``, ``compared``, and the parameters used.
 
         Attributes: the base, the ``waveform`` and the ``restitution_law`` of the prediction.
@@ -666,7 +670,7 @@ def _compare_recording(
     columns["compared"] = among.mean(), "1", "share of the particles that could be compared"
     irregular, distances, chance = _distributions(by_fit, used, scene, among)
     columns["irregular"] = irregular, "1", "share of the particles whose single flights are chaotic"
-    columns["distribution_chance"] = chance, "1", "distance that chance exceeds in 5 %"
+    columns["distribution_chance"] = chance, "1", "distance of two predictions, exceeded in 5 %"
     texts = {
         "method": options.method,
         "warning": "; ".join(warnings),
@@ -689,34 +693,49 @@ def _distributions(
 
     Returns the share of particles whose single flights cannot be predicted, because a start that
     differs by the error of its measurement leads to others; the largest differences of the
-    cumulative distributions of heights and of periods; and that which chance exceeds in 5 %.
+    cumulative distributions of heights and of periods; and that which two predictions exceed in
+    5 %.
     """
     error = impacts.attrs["gravity"] * float(np.nanmedian(impacts["landing_time_error"]))
-    nudged = impacts.assign(impact_speed=impacts["impact_speed"] + max(error, 1e-6))
-    pairs = [predicted_motions(found, used, scene) for found in (impacts, nudged)]
+    copies = [
+        impacts.assign(impact_speed=impacts["impact_speed"] + k * max(error, 1e-6))
+        for k in range(COPIES + 1)
+    ]
+    motions = zip(*(predicted_motions(one, used, scene) for one in copies), strict=True)
     particles = np.flatnonzero(np.isfinite(impacts["flight_time"].values).any(axis=1))
-    irregular, flights = [], []
-    for particle, one, two in zip(particles, *pairs, strict=True):
+    irregular = []
+    flights: list[list[Array]] = [[] for _ in copies]
+    for particle, nearby in zip(particles, motions, strict=True):
         if not among[particle]:
             continue
-        seen = one.end <= impacts.attrs["end"]
-        flights.append(np.stack([one.apex[seen], (one.end - one.start)[seen]]))
-        number = min(int(seen.sum()), int((two.end <= impacts.attrs["end"]).sum()))
+        seen = [motion.end <= impacts.attrs["end"] for motion in nearby]
+        for own, motion, used_ones in zip(flights, nearby, seen, strict=True):
+            own.append(np.stack([motion.apex, motion.end - motion.start])[:, used_ones])
+        number = min(int(used_ones.sum()) for used_ones in seen[:2])
         late = slice(number // 2, number)
-        first, second = ((motion.end - motion.start)[late] for motion in (one, two))
+        first, second = ((motion.end - motion.start)[late] for motion in nearby[:2])
         if number >= FEWEST:
             apart, spread = float(np.std(first - second)), float(first.std())
             irregular.append(apart > APART * spread > APART * REGULAR * float(first.mean()))
-    predicted = np.concatenate(flights, axis=1)
-    distances, chance = [], np.nan
-    for sample, name in zip(predicted, MEASURED_AS.values(), strict=True):
-        measured = impacts[name].values[among]
-        measured = np.sort(measured[np.isfinite(measured)])
-        every = np.concatenate([measured, sample])
-        below = (np.searchsorted(np.sort(x), every, "right") / x.size for x in (measured, sample))
-        distances.append(float(np.abs(next(below) - next(below)).max()))
-        chance = CHANCE * float(np.sqrt(1.0 / measured.size + 1.0 / sample.size))
-    return float(np.mean(irregular)) if irregular else 0.0, np.array(distances), chance
+    measured = np.stack([impacts[name].values[among] for name in MEASURED_AS.values()])
+    measured = measured[:, np.isfinite(measured).all(axis=0)]
+    # flights that are lower or shorter than all measured ones are too small to be seen
+    least = measured.min(axis=1, keepdims=True, initial=np.inf)
+    every = [np.concatenate(own, axis=1) for own in flights]
+    predicted = [own[:, (own >= least).all(axis=0)] for own in every]
+    found = [_distance(measured[k], predicted[0][k]) for k in range(len(QUANTITIES))]
+    # between two predictions, whose flights follow from each other as those of a recording do
+    pairs = combinations(predicted, 2)
+    chance = [max(map(_distance, one, other)) for one, other in pairs]
+    limit = float(np.quantile(chance, LIMIT))
+    return float(np.mean(irregular)) if irregular else 0.0, np.array(found), limit
+
+
+def _distance(one: Array, other: Array) -> float:
+    """Return the largest difference of two cumulative distributions; NaN without a flight."""
+    if not one.size or not other.size:
+        return float("nan")
+    return float(ks_2samp(one, other, method="asymp").statistic)
 
 
 def _table(

@@ -39,7 +39,7 @@ from vibrosweep.lab.base_fit import (
     widen,
     with_speed,
 )
-from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL, harmonic_numbers
+from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL, OF_BOUNCES, harmonic_numbers
 from vibrosweep.lab.traces import names_of, polar, slopes_of_sizes
 from vibrosweep.lab.variables import (
     require_parameter,
@@ -334,7 +334,8 @@ def estimate(
           If a constant restitution is ruled out, all parameters are those of the best law, among
           them ``restitution_speed`` (m s-1) for a plastic one;
         - ``base_displacement`` (m) and ``base_acceleration`` (in units of gravity) with their
-          errors, over a moving base.
+          errors, ``contact`` and ``scatter``, as in the result of `find_impacts`, over a moving
+          base.
 
         Over a moving base the parameters are those of the base that `find_impacts` fitted to the
         landings, with the frequency that was given to it or that it found; the amplitude is
@@ -497,6 +498,7 @@ def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
         "base_displacement_error": (error[0], "m", "its standard error"),
         "base_acceleration": (size[1], "1", "peak acceleration in units of gravity"),
         "base_acceleration_error": (error[1], "1", "its standard error"),
+        **{name: (float(impacts[name]), *meaning) for name, meaning in OF_BOUNCES.items()},
     }
     warnings = _warnings(SIGNAL, kicks, covariance, misfit, freedom)
     found = _estimate_dataset(names, kicks, covariance, about, warnings, shape)

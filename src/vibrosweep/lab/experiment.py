@@ -134,6 +134,9 @@ class Camera:
     dropped: float = 0.0
     scale_error: float = 0.0
 
+    def __post_init__(self) -> None:
+        _check_values(self, "camera")
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -278,6 +281,9 @@ class Variation:
     amplitude_setting: float = 0.0
     restitution_spread: float = 0.0
     level_spread: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_values(self, "variation")
 
 
 MOST_REPEATS: Final = 1000
@@ -445,6 +451,16 @@ def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
         except ParameterError as error:
             raise SpecError(f"{source}: {error}") from error
     return ExperimentSpec(title or "", tuple(experiments))
+
+
+def _check_values(described: Camera | Variation, table: str) -> None:
+    """Raise a ParameterError for the first value that a file could not hold in this table."""
+    for name, check in _SECTIONS[table].items():
+        value = getattr(described, name)
+        try:
+            check(value.item() if isinstance(value, np.generic) else value)
+        except ValueError as error:
+            raise ParameterError(f"{name} = {value!r}: {error}") from None
 
 
 def _number(low: float, high: float, units: str, above: bool = False) -> Check:

@@ -13,7 +13,9 @@ from scipy.special import chdtri
 
 from vibrosweep.arrays import Array, Indices
 from vibrosweep.errors import TrackError, require_one_of
+from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.base_fit import (
+    ANY_CONTACT,
     FITTED,
     UNDETERMINED,
     BaseFit,
@@ -422,7 +424,8 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
         start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
         piece, owner = samples.piece[start], samples.particle[start]
         ends = _ends(samples, member, fits, levels[owner], base_fit, fall)
-        junctions = join(fits, piece, ends, noise, fall)
+        contact = base_fit.contact
+        junctions = join(fits, piece, ends, noise, fall, contact)
         if turn < FIT_ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
         poor = poor_flights(fits, noise)
@@ -434,9 +437,14 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
         sound &= ~lifted[junctions.before]
         contacts = contacts_between(samples, member, fits, junctions.before[sound], noise, fall)
         base_fit = fit_base(
-            contacts, base_fit.oscillation.frequency, free=free, moves=True, trace=trace
+            contacts,
+            base_fit.oscillation.frequency,
+            free=free,
+            moves=True,
+            trace=trace,
+            contact=base_fit.problem.contact,
         )
-    of_levels = slice(base_fit.values.size - base_fit.levels.size, None)
+    of_levels = slice(-1 - base_fit.levels.size, -1)
     spread = base_fit.covariance[of_levels, of_levels]
     return Flights(
         fits,
@@ -527,7 +535,7 @@ def _fit_law(problem: Problem, base_fit: BaseFit) -> FittedLaw:
     spread = np.sqrt(np.maximum(np.diag(base_fit.covariance), 1e-20))
     scale = np.append(spread, [0.1] * law.parameters)
     try:
-        found, used = without_outliers(problem, start, scale, base_fit.kept)
+        _, found, used, _ = without_outliers(problem, start, scale, base_fit.kept)
     except np.linalg.LinAlgError:
         return failed_fit(law, base_fit.kept.size)
     covariance, misfit, freedom = covariance_of_fit(found)
@@ -546,6 +554,9 @@ MOTIONS: Final = ("detect", "level", "moving")
 # Largest share of neighbouring flights that may meet above a moving base; otherwise its fit is
 # rejected.  In irregular films a correct fit has at most 2 % of them, a wrong one 9 % and more.
 TURNED_ABOVE: Final = 0.05
+# Scatter of the restitution from bounce to bounce above which the fit is rejected; that of balls is
+# below 0.05
+MOST_SCATTER: Final = 0.1
 FREQUENCIES_APART: Final = 0.01  # largest relative difference of a given and a traced frequency
 
 
@@ -558,6 +569,7 @@ class Setup(NamedTuple):
     motion: str = "detect"
     frequency: float | None = None  # frequency of the forcing in Hz; None if unknown
     trace: Trace | None = None  # measured motion of a moving base
+    contact: Input = ANY_CONTACT  # length of a contact over a moving base, s
 
 
 class FittedTracks(NamedTuple):
@@ -642,10 +654,12 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
 def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights | None]:
     """Return the base that contacts favour, and the flights over it if it moves, else None."""
     if setup.trace is None:
-        favoured, base_fit = which_base(cut.contacts, setup.frequency)
+        favoured, base_fit = which_base(cut.contacts, setup.frequency, setup.contact)
     else:
         favoured, rate = "moving", float(setup.trace.values[2])
-        base_fit = fit_base(cut.contacts, rate, free=True, moves=True, trace=setup.trace)
+        base_fit = fit_base(
+            cut.contacts, rate, free=True, moves=True, trace=setup.trace, contact=setup.contact
+        )
     detected = setup.motion == "detect" and setup.trace is None
     if base_fit is None or (detected and favoured != "moving"):
         return favoured, None
@@ -656,6 +670,13 @@ def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights
             f"{100.0 * above:.0f} % of the flights over the base that was found meet above it, "
             f"where nothing can turn them: the landings do not determine how the base moves; film "
             f"faster or closer, or give the frequency or a trace of the base"
+        )
+    if over.base_fit is not None and over.base_fit.problem.scatter > MOST_SCATTER:
+        raise TrackError(
+            f"over the base that was found restitutions scatter by "
+            f"{over.base_fit.problem.scatter:.2g}, as no ball does: the landings do not determine "
+            f"how the base moves; film faster or closer, or give the frequency or a trace of the "
+            f"base"
         )
     # the contacts of the fitted flights are more accurate, and must favour a moving base too
     if detected and over.base_fit is not None and not moves(over.base_fit):

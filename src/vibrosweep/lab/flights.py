@@ -447,11 +447,13 @@ class Junctions(NamedTuple):
     height_error: Array
 
 
-def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -> Junctions:
+def join(
+    fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float, contact: float = 0.0
+) -> Junctions:
     """Join the neighbouring flights of each piece of track.
 
     `piece` is the number of the piece of each flight, `noise` the standard deviation of a sample
-    (m).
+    (m), `contact` the time for which a bounce lasts (s).
     """
     before = np.flatnonzero(np.diff(piece) == 0)
     after = before + 1
@@ -460,10 +462,12 @@ def join(fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float) -
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = noise * np.sqrt(line_variance(fits, down)) / ends.fall
         rise = noise * np.sqrt(line_variance(fits, up)) / ends.rise
-        miss = (up[after] - down[before]) / np.hypot(fall[before], rise[after])
+        miss = (up[after] - down[before] - contact) / np.hypot(fall[before], rise[after])
         stayed = (miss > MISSED) | ~(met.closing > 0.0)
-        landing = np.where(stayed, down[before], met.time)
-        liftoff = np.where(stayed, up[after], met.time)
+        # the parabolas meet within a contact, at a share of it as the speeds are
+        share = ends.rise[after] / (ends.fall[before] + ends.rise[after])
+        landing = np.where(stayed, down[before], met.time - contact * share)
+        liftoff = np.where(stayed, up[after], met.time + contact * (1.0 - share))
         error = noise * np.sqrt(met.time_variance)
         # an error of height shifts an instant by error / speed; at a bounce both speeds add
         falls = np.where(stayed, ends.fall[before], met.closing)

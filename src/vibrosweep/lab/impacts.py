@@ -14,7 +14,9 @@ from scipy.stats import circmean
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
+from vibrosweep.lab.ballistics import Input, given
 from vibrosweep.lab.base_fit import (
+    ANY_CONTACT,
     BaseFit,
     FittedLaw,
     Trace,
@@ -46,6 +48,15 @@ __all__ = [
 
 METHODS: Final = ("fit", "sign_change")
 BOUNCED, STAYED, DOUBTFUL = 0, 1, 2
+# What films over a moving base show of bounces
+OF_BOUNCES: Final = {
+    "contact": ("s", "length of a contact"),
+    "contact_error": ("s", "its standard error"),
+    "contact_effect": ("1", "its contribution to the error of the restitution"),
+    "scatter": ("1", "scatter of the restitution from bounce to bounce"),
+    "scatter_limit": ("1", "one-sided limit (95 %) of the scatter"),
+}
+SHORT: Final = 1e-3  # relative error of a contact whose length is given
 _VARIABLES: Final = {
     "landing_time": ("s", "time of landing"),
     "landing_time_error": ("s", "standard error of the time of landing"),
@@ -75,6 +86,7 @@ def find_impacts(
     motion: str = "detect",
     frequency: float | None = None,
     trace: Trace | None = None,
+    contact: float | tuple[float, float] | None = None,
 ) -> xr.Dataset:
     """Find the landings of every particle, with standard errors.
 
@@ -98,6 +110,9 @@ def find_impacts(
         Frequency of the forcing in Hz; by default that of a moving base is found.
     trace
         Measured motion of the base, from `vibrosweep.lab.read_trace`.
+    contact
+        Length of a contact with a moving base in s, or its range; found by default, from 0 to
+        about 5 ms.
 
     Returns
     -------
@@ -122,7 +137,9 @@ def find_impacts(
         f t.  With a trace that is not a sine they hold S and C of each harmonic h, the factors of
         sine and cosine of 2 pi h f t.  If the bounces rule out a constant restitution, all values
         are those of the law that the attribute ``restitution_law`` names first, with its
-        ``restitution_speed`` (m s-1) if that was fitted.
+        ``restitution_speed`` (m s-1) if that was fitted.  ``contact`` (s) is the length of a
+        contact, with its error and its effect on the error of the restitution; ``scatter`` that
+        of the restitution from bounce to bounce, with its limit (95 %).
 
     Raises
     ------
@@ -141,8 +158,16 @@ def find_impacts(
     ('particle', 'impact')
     """
     require_one_of("method", method, METHODS, TrackError)
-    setup = Setup(base, exposure, motion, frequency, trace)
+    setup = Setup(base, exposure, motion, frequency, trace, contact_of(contact))
     return impacts_of(tracks, fit_tracks(tracks, gravity, setup), gravity, method)
+
+
+def contact_of(contact: float | tuple[float, float] | None) -> Input:
+    """Return what is known of the length of a contact (s)."""
+    if contact is None:
+        return ANY_CONTACT
+    known = given("contact", contact)
+    return Input(known.value, known.error or SHORT * known.value)
 
 
 def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method: str) -> xr.Dataset:
@@ -208,7 +233,7 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
         pairs = [f"{letter}{h}" for h in numbers for letter in "SC"]
         words = "of the base that moves with the sum of Sh sin 2 pi h f t + Ch cos 2 pi h f t"
     names = ["restitution", *pairs[:2], "frequency", *pairs[2:]]
-    names = names[: base_fit.values.size - base_fit.levels.size]  # the frequency may be known
+    names = names[: base_fit.problem.parameters]  # the frequency may be known
     fit, used = law or base_fit, law.bounces if law else int(base_fit.kept.sum())
     names += ["restitution_speed"] if law and law.law.parameters else []
     of_base = slice(None, len(names))
@@ -226,6 +251,7 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
             "shaken_misfit": ((), fit.misfit, {"long_name": "chi-square per degree of freedom"}),
             "shaken_freedom": ((), fit.freedom, {"long_name": "degrees of freedom"}),
             "shaken_bounces": ((), used, {"long_name": "bounces used"}),
+            **with_units((), _of_bounces(base_fit)),
         },
         coords={
             "of_base": names,
@@ -233,6 +259,17 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
             "of_base_units": ("of_base", [units.get(name, "m s-1") for name in names]),
         },
     )
+
+
+def _of_bounces(fit: BaseFit) -> dict[str, tuple[float, str, str]]:
+    """Length of a contact and scatter of the restitution, as variables with their errors."""
+    error, limit = float(np.sqrt(fit.covariance[-1, -1])), fit.scatter_limit
+    effect = abs(float(fit.covariance[0, -1])) / error
+    values = (float(fit.values[-1]), error, effect, fit.problem.scatter, limit)
+    return {
+        name: (value, *meaning)
+        for (name, meaning), value in zip(OF_BOUNCES.items(), values, strict=True)
+    }
 
 
 def _landings_by_fit(

@@ -13,7 +13,7 @@ from vibrosweep.lab.compare import READINGS
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.fitting import FittedTracks
 from vibrosweep.lab.flights import line_variance
-from vibrosweep.lab.impacts import DOUBTFUL, STAYED
+from vibrosweep.lab.impacts import DOUBTFUL, OF_BOUNCES, STAYED
 from vibrosweep.lab.tracks import remarks
 from vibrosweep.lab.variables import with_error
 from vibrosweep.mistakes import toml
@@ -204,6 +204,9 @@ def numbers_of(found: xr.Dataset) -> dict[str, Any]:
 # -----------------------------------------------------------------------------
 # Results of the laboratory as lines of text, and the data of its figures.
 
+SEEN: Final = 3.0  # standard errors of a contact whose length is stated
+ONE_SIDED: Final = 1.645  # standard errors of a limit of 95 %
+SCATTERS: Final = 0.5  # share of its limit that a scatter is which is stated
 INSTANTS: Final = 24  # points of the drawn base in a period of its highest harmonic
 
 
@@ -251,7 +254,21 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
         f"{float(found['frequency_used']):.6g} Hz, acceleration {with_error(*gamma)} of gravity, "
         f"phase {with_error(phase, dphase)} rad; restitution {with_error(e, de)}",
         *_harmonic_lines(found),
+        *_lines_of_bounces(found),
         *remarks_on_fit,
+    ]
+
+
+def _lines_of_bounces(found: xr.Dataset) -> list[str]:
+    """State the length of a contact and the scatter of the restitution, or their limits."""
+    contact, error, effect, scatter, limit = (float(found[name]) for name in OF_BOUNCES)
+    lasts = f"last {with_error(1e3 * contact, 1e3 * error)} ms"
+    if contact < SEEN * error:
+        lasts = f"last at most {1e3 * max(contact + ONE_SIDED * error, 0.0):.2g} ms (95 %)"
+    scatters = f"{scatter:.2g}, " if scatter > SCATTERS * limit else "not seen, "
+    return [
+        f"contacts {lasts}, which contributes {effect:.2g} to the error of the restitution; its "
+        f"scatter from bounce to bounce {scatters}at most {limit:.2g} (95 %)"
     ]
 
 
@@ -358,7 +375,7 @@ def _distribution_lines(row: xr.Dataset, case: str) -> list[str]:
         f"  {case}: the motion of {100.0 * share:.0f} % of the particles is irregular: errors of "
         f"the start grow, so that single flights cannot be predicted;",
         f"  largest difference of the distributions of flights {apart}; by chance up to "
-        f"{chance:.2g} (95 %, independent flights)",
+        f"{chance:.2g} (95 % of pairs of predictions)",
     ]
 
 
