@@ -42,8 +42,8 @@ def times_to_rest(
 ) -> Axes:
     """Draw mean times until the first rest against the contact time, a curve for each law.
 
-    All times are in s; particles were simulated for `simulated`, beyond which means are extrapolated
-    from the few that rested.
+    All times are in s; particles were simulated for `simulated`, beyond which means are
+    extrapolated from the few that rested.
     """
     axes = style.axes_on(ax, style.MEDIUM, 2.8)
     for (law, each), colour, marker in zip(mean_time.items(), style.OKABE_ITO, "os", strict=False):
