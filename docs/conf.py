@@ -134,7 +134,6 @@ html_math_renderer = "mathml"  # drawn by the browser: nothing is loaded from el
 html_show_sourcelink = False
 html_sidebars = {"**": ["pages.html"]}
 html_theme_options = {
-    "navbar_align": "right",
     "navbar_center": [],  # all pages are in the sidebar
     "navbar_persistent": ["search-button"],  # with a search field the header takes two lines
     "icon_links": [

@@ -187,14 +187,24 @@ def bifurcation(
     Returns
     -------
     xarray.Dataset
-        Dims (direction, amplitude, particle, sample), where the forcing that was given replaces
-        ``amplitude``: the observable under its name, ``observable`` for a function.  Dims
-        (direction, amplitude, particle): ``regime``, ``cycle_impacts``, ``cycle_periods``,
-        ``cycle_rests``, ``lyapunov_largest`` with its error.  The same of
-        the new launches, with the dim launch in place of direction and particle: names begin with
-        ``launched_``.  Dim amplitude: ``attractors``, the number of different ones that were found.
-        Scalars: ``chaos_low`` and ``chaos_high``, the neighbouring points between which the first
-        positive exponent appears, by three standard errors; NaN where there is no such point.
+        Dims: o stands for (direction, amplitude, particle), where the forcing that was given
+        replaces ``amplitude``.
+
+        ==============================================  =========  ================================
+        variable                                        dims       meaning
+        ==============================================  =========  ================================
+        the observable, under its name                  o, sample  ``observable`` for a function
+        ``regime``, ``cycle_impacts``,                  o          codes and numbers as in sweeps
+        ``cycle_periods``, ``cycle_rests``
+        ``lyapunov_largest`` with its error             o          per impact
+        the same, names begin with ``launched_``        launch     of the new launches: launch in
+                                                                   place of direction and particle
+        ``attractors``                                  amplitude  number of different ones found
+        ``chaos_low``, ``chaos_high``                              neighbouring points between which
+                                                                   the first positive exponent
+                                                                   appears, by three standard
+                                                                   errors; else NaN
+        ==============================================  =========  ================================
 
     Raises
     ------
