@@ -3,10 +3,10 @@
 Without a window, without cycles, or without lift-offs the engine takes machine code of its own,
 which gives the same bits.  Over the high-bounce base, with constant restitution, a sine, no noise
 and the statistics of every sweep, the tests use all of it; elsewhere that which serves every case.
-Noise of some kinds is computed by the machine code of all kinds, with strengths of 0: that gives the
-same numbers up to rounding, because noise of the drive makes it search each lift-off anew.  Pieces
-of kernels that a test in `tests/kernels` calls run as plain Python, which gives the same bits.
-`tests/kernels/test_machine_code.py` and `tests/kernels/test_bases.py` compare them.
+Noise of some kinds is computed by the machine code of all kinds, with strengths of 0.  The numbers
+are then the same up to rounding, because noise of the drive makes it search each lift-off anew.
+Pieces of kernels that a test in `tests/kernels` calls run as plain Python, which gives the same
+bits.  `tests/kernels/test_machine_code.py` and `tests/kernels/test_bases.py` compare them.
 """
 
 from functools import cache, wraps
