@@ -1,11 +1,12 @@
 """What tests run in place of the engine's own choice, so that less is compiled.
 
-Without a window, without cycles, without lift-offs, or with some kinds of noise only, the engine
-takes machine code of its own, which gives the same bits.  Over the high-bounce base, with constant
-restitution, a sine, no noise and the statistics of every sweep, the tests use all of it; elsewhere
-that which serves every case.  Pieces of kernels that a test in `tests/kernels` calls run as plain
-Python, which gives the same bits as well.  `tests/kernels/test_machine_code.py` and
-`tests/kernels/test_bases.py` compare them.
+Without a window, without cycles, or without lift-offs the engine takes machine code of its own,
+which gives the same bits.  Over the high-bounce base, with constant restitution, a sine, no noise
+and the statistics of every sweep, the tests use all of it; elsewhere that which serves every case.
+Noise of some kinds is computed by the machine code of all kinds, with strengths of 0.  The numbers
+are then the same up to rounding, because noise of the drive makes it search each lift-off anew.
+Pieces of kernels that a test in `tests/kernels` calls run as plain Python, which gives the same
+bits.  `tests/kernels/test_machine_code.py` and `tests/kernels/test_bases.py` compare them.
 """
 
 from functools import cache, wraps
@@ -40,7 +41,7 @@ def advance(share, batch, options, window, memory, found, cycles, rests):
 
 
 def batch_of(problem, launch, scene):
-    """Return a batch whose noise has all kinds that the base allows; strengths of 0 do nothing."""
+    """Return a batch whose noise has all kinds that the base allows, some of strength 0."""
     if problem.noise is not None:
         none = np.zeros(problem.kick.size)
         kinds = ("restitution", "kick", *["drive"] * (scene.base == "high-bounce"))

@@ -412,15 +412,16 @@ def test_info(results, said, name):
 
 @each_of("name", KINDS)
 def test_figures(results, said, name, tmp_path):
-    words = ("figures", results[name], "-o", tmp_path)
+    place = tmp_path / name
+    words = ("figures", results[name], "-o", place)
     if name == "impacts":
         assert "vibrosweep lab impacts TRACKS --figures DIR" in said(2, *words)
         return
     printed = said(0, *words)
-    drawn = {path.suffix for path in tmp_path.iterdir() if str(path) in printed}
+    drawn = {path.suffix for path in place.iterdir() if str(path) in printed}
     assert drawn == {".png", ".pdf"}
     if name != "sweep":
-        assert {path.stem for path in tmp_path.iterdir()} == {KINDS[name].stem}
+        assert {path.stem for path in place.iterdir()} == {KINDS[name].stem}
 
 
 @each_of("name", KINDS)

@@ -259,6 +259,7 @@ def asked(monkeypatch):
 
 @each_of("name", ANALYSES)
 def test_an_analysis_that_keeps_no_landing_skips_what_is_known(name, asked, workers):
+    asked.clear()
     ANALYSES[name](workers)
     assert asked
     assert all(one.skip for one in asked)

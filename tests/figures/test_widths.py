@@ -166,6 +166,7 @@ def test_nothing_is_cut_and_the_axes_keep_their_share(name, width, layout, drawi
         assert size.height * count ** (name != "sobol") >= 0.25 * whole.height
         legend = one.get_legend()
         assert legend is None or len(legend.get_texts()) <= MOST_ENTRIES
+    pyplot.close(figure)
 
 
 def test_every_public_figure_is_tried(drawings):
