@@ -16,7 +16,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.proof.reference.arithmetic import UndecidableError
-from vibrosweep.proof.reference.laws import Constant, next_of, wave_of
+from vibrosweep.proof.reference.laws import Constant, Laws, next_of, wave_of
 from vibrosweep.proof.reference.sprung import (
     LANDING,
     LAUNCH,
@@ -34,6 +34,7 @@ from vibrosweep.proof.sampling import deviates_of
 
 # The proved base of finite mass: the moving base as its limit, budgets, a locked orbit, ties.
 
+PARABOLIC = Waveform("parabolic")
 TABLE_1 = {name: one.default for name, one in PARAMETERS.items()} | {
     "mass_ratio": 0.05,
     "mount_frequency": 0.37,
@@ -257,6 +258,21 @@ def test_undecided_events_are_named():
         run((0.0,), 3.0, restitution=0.0, **resonant)
 
 
+@pytest.mark.parametrize("launch_time", [0.25, 0.75])
+def test_a_launch_at_a_corner_of_the_drive_is_decided(launch_time):
+    """Exactly there the acceleration of the base jumps."""
+    given = TABLE_1 | {"amplitude": 3.0, "phase": 0.0, "mass_ratio": 0.0}
+    own = coupled(given, (launch_time,), 4.0, laws=Laws(waveform=PARABOLIC)).particles[0]
+    for name in ("mass_ratio", "mount_frequency", "mount_damping"):
+        del given[name]
+    other = trajectory(
+        base="moving", waveform=PARABOLIC, launch_time=launch_time, duration=4.0, **given
+    )
+    for a, b in zip(own.impacts, other.impacts, strict=True):
+        assert a.landing_time.overlaps(b.landing_time)
+    assert len(own.impacts) > 1
+
+
 def test_at_rest_for_good_is_known_at_the_end():
     """The free oscillation must have decayed so far that it can no longer lift the particle."""
     slow = {"restitution": 0.0, "amplitude": 1.0, "mount_frequency": 0.5, "mass_ratio": 0.5}
@@ -279,7 +295,6 @@ def test_budget_of_landings():
 # The proved motion of the base on its mount: its equation, its bounds, its parts.
 
 X, D, V = 0.3, 0.12, -0.4
-PARABOLIC = Waveform("parabolic")
 TWO_TONES = Waveform("harmonics", ((1, 1.0, 0.0), (2, 0.4, 1.1)))
 
 
