@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
@@ -13,7 +14,7 @@ TICKS = (0.03, 0.1, 0.3, 1.0, 3.0)
 COLOURS = ("0.75", style.OKABE_ITO[5], style.OKABE_ITO[0], style.OKABE_ITO[1])
 
 
-@style.styled
+@mpl.rc_context(style.RC)
 def plane(e, gamma, common, agreement):
     """Commonest regime on each base, and two shares of launches that agree on both bases."""
     figure = Figure(figsize=(style.PAGE, 5.2), layout="constrained")
@@ -52,7 +53,7 @@ def plane(e, gamma, common, agreement):
     return figure
 
 
-@style.styled
+@mpl.rc_context(style.RC)
 def limit(gammas, curves):
     """Difference of landing times between the bases against Gamma, with its first order."""
     figure = Figure(figsize=(style.MEDIUM, 3.2), layout="constrained")
@@ -67,7 +68,7 @@ def limit(gammas, curves):
     return figure
 
 
-@style.styled
+@mpl.rc_context(style.RC)
 def staircase(gammas, flights, marks):
     """Length of every flight of the completely inelastic ball on its attractor against Gamma."""
     figure = Figure(figsize=(style.PAGE, 3.2), layout="constrained")

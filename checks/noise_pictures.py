@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
@@ -23,7 +24,7 @@ def against_strength(axes, kind):
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-@style.styled
+@mpl.rc_context(style.RC)
 def lifetimes(lives):
     """Mean lifetime of a lock against the strength of each kind of noise, with its interval."""
     figure = Figure(figsize=(style.PAGE, 2.6), layout="constrained")
@@ -45,7 +46,7 @@ def lifetimes(lives):
     return figure
 
 
-@style.styled
+@mpl.rc_context(style.RC)
 def windows(amplitude, strengths, kept, ends):
     """Share of particles still locked against the amplitude, with the window without noise."""
     figure = Figure(figsize=(style.PAGE, 2.8), layout="constrained")
@@ -59,7 +60,7 @@ def windows(amplitude, strengths, kept, ends):
     return figure
 
 
-@style.styled
+@mpl.rc_context(style.RC)
 def energy(a, e, squares):
     """Mean square of the speed against the amplitude, with the random-phase approximation."""
     figure = Figure(figsize=(style.PAGE, 3.0), layout="constrained")
@@ -74,7 +75,7 @@ def energy(a, e, squares):
     return figure
 
 
-@style.styled
+@mpl.rc_context(style.RC)
 def staggering(free):
     """Share of staggered pairs that never meet, against the strength of each kind of noise."""
     figure = Figure(figsize=(style.PAGE, 2.6), layout="constrained")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
@@ -12,7 +13,7 @@ KINDS = ("staggered", "bunched", "other modes", "not locked", "at rest")
 COLOURS = (style.OKABE_ITO[0], style.OKABE_ITO[1], style.OKABE_ITO[5], "0.85", "0.45")
 
 
-@style.styled
+@mpl.rc_context(style.RC)
 def stability(natural, load, panels):
     """Spectral radius of staggered orbits over natural frequency and mass, with resonances."""
     figure = Figure(figsize=(style.PAGE, 5.0), layout="constrained")
@@ -35,7 +36,7 @@ def stability(natural, load, panels):
     return figure
 
 
-@style.styled
+@mpl.rc_context(style.RC)
 def attractors(natural, load, maps, edge):
     """Commonest outcome over natural frequency and mass, with the limit of linear stability."""
     figure = Figure(figsize=(style.PAGE, 3.0), layout="constrained")
@@ -51,7 +52,7 @@ def attractors(natural, load, maps, edge):
     return figure
 
 
-@style.styled
+@mpl.rc_context(style.RC)
 def phases(cases, times, slot):
     """Phase of every landing against time, one panel for each case; colours by slot of launch."""
     figure = Figure(figsize=(style.PAGE, 5.6), layout="constrained")

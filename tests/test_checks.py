@@ -23,6 +23,9 @@ from PIL import Image, ImageDraw
 
 import crashes
 import definitions
+import high_bounce_pictures
+import noise_pictures
+import ordering_pictures
 import page_commands
 import redrawn
 import resumes
@@ -115,6 +118,18 @@ def test_recipes_name_files_that_exist():
         for word in recipe.lines.split():
             if word.startswith("{ROOT}"):
                 assert Path(word.replace("{ROOT}", str(ROOT))).exists(), word
+
+
+@pytest.mark.parametrize(
+    ("draw", "numbers"),
+    [
+        (high_bounce_pictures.limit, (np.array([0.1, 1.0]), {1.0: np.ones((2, 2))})),
+        (noise_pictures.staggering, ({kind: ([0.1, 1], [1, 0]) for kind in noise_pictures.WORDS},)),
+        (ordering_pictures.phases, ([(0.1, 0.4)] * 2, np.zeros((2, 1, 3)), [0])),
+    ],
+)
+def test_campaigns_draw_their_pictures(draw, numbers, tmp_path):
+    draw(*numbers).savefig(tmp_path / "picture.png")
 
 
 @pytest.mark.parametrize("picture", ["cost", "peers", "work_precision"])

@@ -56,7 +56,7 @@ KINDS: Final = (
     ("v", ":", "rest"),
     ("o", "--", "period doubling"),
     ("D", "-", "corner"),
-    ("P", ":", "kink of the restitution"),
+    ("P", ":", "kink"),
     ("<", "-.", "grazing at a landing"),
 )
 BASIN_NEEDS: Final = data.Requirements(
