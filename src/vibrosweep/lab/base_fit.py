@@ -553,6 +553,9 @@ STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite difference
 STEP_OF_CONTACT: Final = 1e-7  # s, of the length of a contact
 LONGEST_CONTACT: Final = 5e-3  # s, that is expected
 ANY_CONTACT: Final = Input(0.0, LONGEST_CONTACT)
+# The kicks of a base at a constant level are instants; with contacts that last it could imitate one
+# that moves
+INSTANT: Final = Input(0.0, 1e-9)
 SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # of e that are tried first
 ONE_SIDED: Final = 2.71  # rise of the deviance at a one-sided limit of 95 %
 
@@ -964,8 +967,8 @@ def which_base(
     if not rates:
         return "undetermined", None
     tried = [
-        [fit_base(few, rate, free=free, moves=moves, contact=contact) for rate in rates]
-        for moves in (True, False)
+        [fit_base(few, rate, free=free, moves=moves, contact=lasts) for rate in rates]
+        for moves, lasts in ((True, contact), (False, INSTANT))
     ]
     # with the same scatter, the smallest, that a worse fit does not hide its residuals
     scatter = min(fit.problem.scatter for fits in tried for fit in fits)
@@ -980,8 +983,8 @@ def moves(moving: BaseFit) -> bool:
     contacts, free = moving.problem.contacts, moving.problem.frequency is None
     if _too_few(contacts):
         return False
-    known = moving.problem.contact
-    level = fit_base(contacts, moving.oscillation.frequency, free=free, moves=False, contact=known)
+    rate = moving.oscillation.frequency
+    level = fit_base(contacts, rate, free=free, moves=False, contact=INSTANT)
     scatter = min(moving.problem.scatter, level.problem.scatter)
     return _preferred(_with_scatter(moving, scatter), _with_scatter(level, scatter)) == "moving"
 
