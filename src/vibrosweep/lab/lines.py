@@ -261,6 +261,8 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
 
 def _lines_of_bounces(found: xr.Dataset) -> list[str]:
     """State the length of a contact and the scatter of the restitution, or their limits."""
+    if "contact" not in found:
+        return []
     contact, error, effect, scatter, limit = (float(found[name]) for name in OF_BOUNCES)
     lasts = f"last {with_error(1e3 * contact, 1e3 * error)} ms"
     if contact < SEEN * error:
