@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.base_fit import Contacts, Oscillation, fit_base
 from vibrosweep.lab.flights import Fits, meet
 
 G, NOISE, FRAMES, HALF = 9.81, 1e-4, 20.0, 0.04
 TRUTH = np.array([0.7, 0.12, 0.09])  # e, S and C
+ANY = Input(0.0, 5e-3)  # s
 BASE = Oscillation(np.array([*TRUTH[1:], 20.0]))
 
 
@@ -46,7 +48,7 @@ def bounces(lasting, scatter, number=200):
 @pytest.mark.parametrize("scatter", [0.0, 0.003, 0.012])
 def test_contact_and_scatter_are_found_and_bias_nothing(lasting, scatter):
     """Four standard errors, and the one-sided limit of the scatter: nothing depends on luck."""
-    found = fit_base(bounces(lasting, scatter), 20.0, free=False, moves=True)
+    found = fit_base(bounces(lasting, scatter), 20.0, free=False, moves=True, contact=ANY)
     error = np.sqrt(np.diag(found.covariance))
     assert (np.abs(found.values[:3] - TRUTH) < 4.0 * error[:3]).all()
     assert abs(found.values[-1] - lasting) < 4.0 * error[-1]

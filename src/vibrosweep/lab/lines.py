@@ -269,7 +269,7 @@ def _lines_of_bounces(found: xr.Dataset) -> list[str]:
         lasts = f"last at most {1e3 * max(contact + ONE_SIDED * error, 0.0):.2g} ms (95 %)"
     scatters = f"{scatter:.2g}, " if scatter > SCATTERS * limit else "not seen, "
     return [
-        f"contacts {lasts}, which contributes {effect:.2g} to the error of the restitution; its "
+        f"contacts {lasts}, which contribute {effect:.2g} to the error of the restitution; its "
         f"scatter from bounce to bounce {scatters}at most {limit:.2g} (95 %)"
     ]
 
