@@ -530,8 +530,9 @@ def contacts_between(
 #
 # A contact that lasts for tau begins before the parabolas meet and ends after it, by shares of tau
 # as its speeds are, and they meet below the base.  Its length is a parameter, which heights
-# determine within the range that is stated.  The restitution of each bounce may scatter: its standard deviation
-# maximises the likelihood, and is a component of the errors of the second equation.
+# determine within the range that is stated.  The restitution of each bounce may scatter: its
+# standard deviation maximises the likelihood, and is a component of the errors of the second
+# equation.
 #
 # The equations of a chain of flights are those of a deterministic orbit, on which errors grow: in
 # some combinations of many equations errors of first order cancel.  The squares of errors remain,
