@@ -81,6 +81,7 @@ def fitted_base(distance, restitution=0.8, error=0.01):
         misfit=1.0,
         freedom=2 * distance.size,
         distance=distance,
+        scatter_limit=0.0,
     )
 
 

@@ -72,8 +72,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     impacts.add_argument(
         "--contact",
         metavar="S",
-        type=float,
-        help="length of a contact; default: 0 for times, found from tracks of a moving base",
+        type=_range,
+        help="length of a contact with a moving base, or a range LOW:HIGH; default: 0",
     )
     impacts.add_argument("--frequency", metavar="HZ", type=float, help="frequency of the forcing")
     impacts.add_argument(

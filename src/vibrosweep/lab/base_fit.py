@@ -530,8 +530,9 @@ def contacts_between(
 #
 # A contact that lasts for tau begins before the parabolas meet and ends after it, by shares of tau
 # as its speeds are, and they meet below the base.  Its length is a parameter, which heights
-# determine, with a wide prior.  The restitution of each bounce may scatter: its standard deviation
-# maximises the likelihood, and is a component of the errors of the second equation.
+# determine within the range that is stated.  The restitution of each bounce may scatter: its
+# standard deviation maximises the likelihood, and is a component of the errors of the second
+# equation.
 #
 # The equations of a chain of flights are those of a deterministic orbit, on which errors grow: in
 # some combinations of many equations errors of first order cancel.  The squares of errors remain,
@@ -552,9 +553,8 @@ MOST_STEPS: Final = 30
 STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite differences
 STEP_OF_CONTACT: Final = 1e-7  # s, of the length of a contact
 LONGEST_CONTACT: Final = 5e-3  # s, that is expected
-ANY_CONTACT: Final = Input(0.0, LONGEST_CONTACT)
-# The kicks of a base at a constant level are instants; with contacts that last it could imitate one
-# that moves
+# Unless it is stated: bounces too low to be seen look like contacts that last, and so do kicks of a
+# base at a constant level
 INSTANT: Final = Input(0.0, 1e-9)
 SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # of e that are tried first
 ONE_SIDED: Final = 2.71  # rise of the deviance at a one-sided limit of 95 %
@@ -677,7 +677,7 @@ class Problem(NamedTuple):
     trace: Trace | None
     # Law of restitution; a speed of yielding is the last parameter, after the length of a contact
     law: Law = Law()
-    contact: Input = ANY_CONTACT  # what is known of the length of a contact, s
+    contact: Input = INSTANT  # what is known of the length of a contact, s
     scatter: float = 0.0  # standard deviation of the restitution from bounce to bounce
 
     @property
@@ -839,7 +839,7 @@ def fit_base(
     free: bool,
     moves: bool,
     trace: Trace | None = None,
-    contact: Input = ANY_CONTACT,
+    contact: Input = INSTANT,
 ) -> BaseFit:
     """Fit the motion of a base to contacts.
 
@@ -950,7 +950,7 @@ LEAST_SIGNAL: Final = 3.0
 
 
 def which_base(
-    contacts: Contacts, frequency: float | None = None, contact: Input = ANY_CONTACT
+    contacts: Contacts, frequency: float | None = None, contact: Input = INSTANT
 ) -> tuple[str, BaseFit | None]:
     """Fit a moving base and one at a constant level to contacts, and compare both.
 

@@ -498,7 +498,8 @@ def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
         "base_displacement_error": (error[0], "m", "its standard error"),
         "base_acceleration": (size[1], "1", "peak acceleration in units of gravity"),
         "base_acceleration_error": (error[1], "1", "its standard error"),
-        **{name: (float(impacts[name]), *meaning) for name, meaning in OF_BOUNCES.items()},
+        # a result that an earlier version wrote has none of these
+        **{k: (float(impacts[k]), *about) for k, about in OF_BOUNCES.items() if k in impacts},
     }
     warnings = _warnings(SIGNAL, kicks, covariance, misfit, freedom)
     found = _estimate_dataset(names, kicks, covariance, about, warnings, shape)

@@ -460,7 +460,7 @@ def _check_values(described: Camera | Variation, table: str) -> None:
         try:
             check(value.item() if isinstance(value, np.generic) else value)
         except ValueError as error:
-            raise ParameterError(f"{name} = {value!r}: {error}") from None
+            raise ParameterError(f"{name} = {value!r}: ", *error.args) from None
 
 
 def _number(low: float, high: float, units: str, above: bool = False) -> Check:

@@ -15,8 +15,8 @@ from vibrosweep.arrays import Array, Indices
 from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.base_fit import (
-    ANY_CONTACT,
     FITTED,
+    INSTANT,
     UNDETERMINED,
     BaseFit,
     Contacts,
@@ -569,7 +569,7 @@ class Setup(NamedTuple):
     motion: str = "detect"
     frequency: float | None = None  # frequency of the forcing in Hz; None if unknown
     trace: Trace | None = None  # measured motion of a moving base
-    contact: Input = ANY_CONTACT  # length of a contact over a moving base, s
+    contact: Input = INSTANT  # length of a contact over a moving base, s
 
 
 class FittedTracks(NamedTuple):

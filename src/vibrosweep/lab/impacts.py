@@ -16,7 +16,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.ballistics import Input, given
 from vibrosweep.lab.base_fit import (
-    ANY_CONTACT,
+    INSTANT,
     BaseFit,
     FittedLaw,
     Trace,
@@ -111,8 +111,8 @@ def find_impacts(
     trace
         Measured motion of the base, from `vibrosweep.lab.read_trace`.
     contact
-        Length of a contact with a moving base in s, or its range; found by default, from 0 to
-        about 5 ms.
+        Length of a contact with a moving base in s, or its range, within which the film
+        determines it; by default 0.
 
     Returns
     -------
@@ -165,7 +165,7 @@ def find_impacts(
 def contact_of(contact: float | tuple[float, float] | None) -> Input:
     """Return what is known of the length of a contact (s)."""
     if contact is None:
-        return ANY_CONTACT
+        return INSTANT
     known = given("contact", contact)
     return Input(known.value, known.error or SHORT * known.value)
 

@@ -206,6 +206,7 @@ def numbers_of(found: xr.Dataset) -> dict[str, Any]:
 
 SEEN: Final = 3.0  # standard errors of a contact whose length is stated
 ONE_SIDED: Final = 1.645  # standard errors of a limit of 95 %
+LEAST_EFFECT: Final = 1e-6  # of a contact on the error of e that is stated
 SCATTERS: Final = 0.5  # share of its limit that a scatter is which is stated
 INSTANTS: Final = 24  # points of the drawn base in a period of its highest harmonic
 
@@ -261,15 +262,17 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
 
 def _lines_of_bounces(found: xr.Dataset) -> list[str]:
     """State the length of a contact and the scatter of the restitution, or their limits."""
+    if "contact" not in found:
+        return []
     contact, error, effect, scatter, limit = (float(found[name]) for name in OF_BOUNCES)
-    lasts = f"last {with_error(1e3 * contact, 1e3 * error)} ms"
-    if contact < SEEN * error:
-        lasts = f"last at most {1e3 * max(contact + ONE_SIDED * error, 0.0):.2g} ms (95 %)"
-    scatters = f"{scatter:.2g}, " if scatter > SCATTERS * limit else "not seen, "
-    return [
-        f"contacts {lasts}, which contributes {effect:.2g} to the error of the restitution; its "
-        f"scatter from bounce to bounce {scatters}at most {limit:.2g} (95 %)"
-    ]
+    scattered = f"{scatter:.2g}, " if scatter > SCATTERS * limit else "not seen, "
+    lines = [f"scatter of e from bounce to bounce {scattered}at most {limit:.2g} (95 %)"]
+    if effect > LEAST_EFFECT:  # a range of the contact was stated
+        lasts = f"last {with_error(1e3 * contact, 1e3 * error)} ms"
+        if contact < SEEN * error:
+            lasts = f"last at most {1e3 * max(contact + ONE_SIDED * error, 0.0):.2g} ms (95 %)"
+        lines.append(f"contacts {lasts}, which contributes {effect:.2g} to the error of e")
+    return lines
 
 
 def _harmonic_lines(found: xr.Dataset) -> list[str]:
