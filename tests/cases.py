@@ -13,17 +13,21 @@ def each_of(names, cases):
     """
     own = (names,) if isinstance(names, str) else names
     given = [dict(zip(own, (c,) if names is own[0] else c, strict=True)) for c in cases]
+    assert given, "no cases"
 
     def decorate(test):
         @wraps(test)
         def every(**fixtures):
-            errors = []
+            errors, skips = [], []
             for case in given:
                 try:
                     test(**case, **fixtures)
-                except (Exception, pytest.fail.Exception) as error:
+                except pytest.skip.Exception as skipped:
+                    skips.append(skipped)
+                except (Exception, BaseExceptionGroup, pytest.fail.Exception) as error:
                     error.add_note(f"case: {case}")
                     errors.append(error)
+            errors = errors or skips[:1]  # a case that is skipped hides none that fails
             if errors:
                 raise errors[0] if len(errors) == 1 else BaseExceptionGroup("cases", errors)
 

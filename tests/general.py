@@ -3,8 +3,8 @@
 Without a window, without cycles, or without lift-offs the engine takes machine code of its own,
 which gives the same bits.  Over the high-bounce base, with constant restitution, a sine, no noise
 and the statistics of every sweep, the tests use all of it; elsewhere that which serves every case.
-Noise of some kinds is computed by the machine code of all kinds, with strengths of 0.  The numbers
-are then the same up to rounding, because noise of the drive makes it search each lift-off anew.
+Noise of some kinds is computed by the machine code of all kinds, with strengths of 0; landings are
+the same to the bit, and means add the same numbers in other partial sums.
 Pieces of kernels that a test in `tests/kernels` calls run as plain Python, which gives the same
 bits.  `tests/kernels/test_machine_code.py` and `tests/kernels/test_bases.py` compare them.
 """
@@ -87,5 +87,6 @@ def as_the_engine_chooses(monkeypatch):
     """Take special machine code and compiled pieces again until the test ends."""
     monkeypatch.setattr(measure, "advance", ADVANCE)
     monkeypatch.setattr(measure, "fitted", FITTED)
-    monkeypatch.setattr(measure, "batch_of", BATCH_OF)
+    for module in (measure, landings, conditions):
+        monkeypatch.setattr(module, "batch_of", BATCH_OF)
     monkeypatch.setattr(_jit.Deferred, "__call__", CALL)

@@ -518,6 +518,7 @@ def test_the_command_stores_compares_and_fails(command_regressions):
     assert code == 1
     assert re.search(rf"^WORSE .* {re.escape(NAME)}$", said, re.MULTILINE)
     assert said.count("times the speed") == 2  # it was given a second chance
+    assert command_regressions(SUBJECT="0.005", MISS="1")[0] == 0
     code, said = command_regressions(SUBJECT="0.005", FAIL="1", MISS="1")
     assert (code, f"misses a target, twice: {NAME}" in said) == (1, True)
     assert "FAILED, twice: benchmarks/test_made_up.py::test_can_fail" in said

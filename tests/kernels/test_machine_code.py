@@ -501,7 +501,7 @@ def test_special_machine_code_gives_the_bits_of_the_general(
 ):
     """Over a base that lifts nobody, without landings before a window and without cycles.
 
-    With one kind of noise alone lift-offs are rounded in another way, which the motion amplifies.
+    With one kind of noise alone means add the same numbers in other partial sums.
     """
     inputs = parameters(amplitude=[0.0, 0.4, 1.2, 2.6], restitution=[0.3, 0.6, 0.8, 0.9])
     if noise:
@@ -514,8 +514,8 @@ def test_special_machine_code_gives_the_bits_of_the_general(
     assert known["impact_count"].min() > 3
     assert found.keys() == known.keys()
     for name, values in known.items():
-        if noise and values.dtype.kind == "f":
-            np.testing.assert_allclose(found[name], values, rtol=1e-9, err_msg=name)
+        if noise and name.endswith("_mean"):
+            np.testing.assert_allclose(found[name], values, rtol=2e-15, err_msg=name)
         else:
             assert found[name].tobytes() == values.tobytes(), name
 

@@ -9,7 +9,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+import vibrosweep as vs
 from tests.cases import each_of
+from tests.scenes import STILL_MOVING
 from vibrosweep.kernels.bases import (
     constants,
     contraction,
@@ -319,6 +321,17 @@ def test_locked_orbits_attract_between_their_closed_forms(parameters, name):
 
 
 # Laws of restitution over a base of finite mass: massless particles, recoil and its slope.
+
+
+def test_without_mass_particles_move_as_over_the_moving_base():
+    scene = {"restitution": 0.8, "amplitude": 1.4, "launch_time": [0.0, 0.3], "duration": 6.0}
+    scene |= {"restitution_law": "plastic", "restitution_speed": 1.0}
+    moving = vs.simulate(base="moving", **scene)
+    mount = {"base": "sprung", "mass_ratio": 0.0, "mount_frequency": 0.4}
+    sprung = vs.simulate(**scene, **mount, **STILL_MOVING)
+    assert np.array_equal(sprung.impact_count, moving.impact_count)
+    for key in ("landing_time", "rebound_velocity"):
+        np.testing.assert_allclose(sprung[key], moving[key], rtol=1e-9, atol=1e-10)
 
 
 @pytest.mark.parametrize("name", FALLING)
