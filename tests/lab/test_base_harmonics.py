@@ -150,8 +150,8 @@ def test_impossible_marks_are_refused(film, marked):
 @pytest.mark.parametrize(
     ("known", "message"),
     [
-        ({"motion": "level"}, "a trace belongs to a base that moves"),
-        ({"base": 0.0}, "a height of the base belongs to one at a constant level"),
+        ({"motion": "level"}, "a trace requires a base that moves"),
+        ({"base": 0.0}, "a height of the base requires a constant level"),
         ({"frequency": 40.0}, "given as 40 Hz, but the trace of the base repeats at 20"),
     ],
 )

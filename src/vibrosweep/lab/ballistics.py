@@ -16,7 +16,7 @@ __all__ = ["BallInputs", "Bounces", "Input"]
 # -----------------------------------------------------------------------------
 # Flights through air: the drag grows with the square of the speed.
 #
-# A flight begins and ends at the same level.  `gravity` is its acceleration at rest, `drag` is
+# A flight begins and ends at the same level.  `gravity` is the acceleration at speed 0, `drag` is
 # 1/v^2 for the terminal speed v; an estimate of a drag near zero may be negative.  All formulas are
 # exact.
 

@@ -173,7 +173,7 @@ LONGEST: Final = 0.3  # longest step of the logarithm of a speed
 class Adjustment(NamedTuple):
     """Result of the adjustment."""
 
-    # values, covariance: e, S, C, f if it is free, and the logarithm of a speed of yielding
+    # values, covariance: e, S, C, f if it is free, and the logarithm of a yield speed
     values: Array
     covariance: Array
     chi_square: float

@@ -117,7 +117,7 @@ class Camera:
     dropped
         Fraction of lost frames.
     scale_error
-        Relative error of the scale; measured heights are too large by this factor.
+        Relative error of the scale, positive if measured heights are too large.
 
     Examples
     --------

@@ -120,7 +120,7 @@ def find_flights(time: Array, height: Array, name: str) -> tuple[list[Stretch], 
     stretches = _windows(time, height, noise)
     curvature = _shared_curvature(stretches)
     if curvature < 0.0:
-        raise TrackError(f"{name}: the ball falls upwards; heights grow the other way (--axis)")
+        raise TrackError(f"{name}: the ball falls upwards: reverse the axis (--axis)")
     free = np.ones(time.size, dtype=bool)
     flights = []
     for seed in stretches:
@@ -233,9 +233,7 @@ def slope_of_floor(contacts: list[Contact], time: Array, horizontal: Array, nois
 # All flights are fitted together, with the level of the floor, the contact time and the drag as
 # common parameters, so that a landing follows from the preceding flight.
 
-CONTACT_ERROR: Final = (
-    0.02  # s: wide prior of the contact time in one film, narrowed by the pooled fit
-)
+CONTACT_ERROR: Final = 0.02  # s: wide prior of the contact time in a film, for the pooled fit
 UNRESOLVED: Final = 0.1  # error of e from which a bounce is not resolved
 DRIFT: Final = 0.005  # prior of the drift of the level in a film, in units of the range of heights
 COMMON: Final = 6  # parameters of all flights: curvature, level, contact, drag, p, drift

@@ -128,7 +128,7 @@ def find_flights(
         fall = found  # parabolas with the wrong curvature would miss the landings
     raise TrackError(
         f"flights fall with {found:.4g} ± {error:.2g} m s-2 when fitted with "
-        f"{flights.curvature:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale describes all "
+        f"{flights.curvature:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale fits all "
         f"of them; check the heights, or film faster or closer"
     )
 
@@ -669,15 +669,15 @@ def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights
     if above > TURNED_ABOVE:
         raise TrackError(
             f"{100.0 * above:.0f} % of the flights over the base that was found meet above it, "
-            f"where nothing can turn them: the landings do not determine how the base moves; film "
+            f"which is impossible: the landings do not determine how the base moves; film "
             f"faster or closer, or give the frequency or a trace of the base"
         )
     if over.base_fit is not None and over.base_fit.problem.scatter > MOST_SCATTER:
         raise TrackError(
             f"over the base that was found restitutions scatter by "
-            f"{over.base_fit.problem.scatter:.2g}, as no ball does: the landings do not determine "
-            f"how the base moves; film faster or closer, or give the frequency or a trace of the "
-            f"base"
+            f"{over.base_fit.problem.scatter:.2g}, more than any ball: the landings do not "
+            f"determine how the base moves; film faster or closer, or give the frequency or a "
+            f"trace of the base"
         )
     # the contacts of the fitted flights are more accurate, and must favour a moving base too
     if detected and over.base_fit is not None and not moves(over.base_fit):
@@ -700,15 +700,15 @@ def _check_setup(gravity: float, setup: Setup) -> None:
 def _check_trace(setup: Setup) -> None:
     if setup.base is not None and (setup.motion == "moving" or setup.trace is not None):
         raise TrackError(
-            "a height of the base belongs to one at a constant level, but a trace or the motion "
-            "'moving' says that it moves: leave the height out"
+            "a height of the base requires a constant level, but a trace or the motion 'moving' is "
+            "given: leave the height out"
         )
     if setup.trace is None:
         return
     if setup.motion == "level":
         raise TrackError(
-            "a trace belongs to a base that moves, but the motion 'level' says that it does not: "
-            "leave one of them out"
+            "a trace requires a base that moves, but the motion 'level' is given: leave one of "
+            "them out"
         )
     traced = float(setup.trace.values[2])
     apart = 0.0 if setup.frequency is None else abs(setup.frequency - traced)
