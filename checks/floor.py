@@ -1,8 +1,8 @@
-"""Restitution of a ball: do its errors hold, are laws found, are constants left alone.
+"""Restitution of a ball: coverage of stated errors, detection of laws, false detections.
 
-Virtual films and lists of clicks over a floor, and clicks over a shaken base, with everything on
-that real recordings show; run `python checks/floor.py --sets 200 --first 1000` with seeds that were
-not used before.  Exits with 1 if a share lies outside of what is demanded.
+Virtual films and lists of clicks over a floor, and clicks over a shaken base, with all
+effects seen in real recordings; run `python checks/floor.py --sets 200 --first 1000` with unused
+seeds.  Exits with 1 if a coverage lies outside its required range.
 """
 
 import argparse
@@ -23,14 +23,14 @@ from vibrosweep.lab import (
 
 TWO_PI, G = 2.0 * np.pi, 9.81
 MOTION = ("frequency", "restitution", "base_acceleration", "phase")
-TRANSIENT = 20  # impacts before a recording over a shaken base
-SHORTEST = 4e-3  # s: clicks that are closer are one
-# Shares of the 68 % and 95 % intervals that hold the truth, and rms of deviation over error
-DEMANDED = {"68 %": (0.60, 0.76), "95 %": (0.91, 0.985), "rms": (0.9, 1.15)}
+TRANSIENT = 20  # impacts before the beginning of a recording over a shaken base
+SHORTEST = 4e-3  # s, shortest flight over a shaken base
+# Required coverage of 68 % and 95 % intervals, and rms of deviations in standard errors
+REQUIRED = {"68 %": (0.60, 0.76), "95 %": (0.91, 0.985), "rms": (0.9, 1.15)}
 
 
-def drawn(rng, kind, slope=0.0):
-    """A ball and its recording, with random properties."""
+def random_setup(rng, kind, slope=0.0):
+    """A random ball and its recording."""
     mass, diameter = rng.uniform(0.005, 0.06), rng.uniform(0.015, 0.05)
     drag = rng.normal(1.0, 0.2) * 0.47 * 1.2 * np.pi * diameter**2 / 8.0 / (mass * 9.81)
     setup = FloorExperiment(
@@ -58,12 +58,12 @@ def drawn(rng, kind, slope=0.0):
 
 
 def measured(kind, seed, slope=0.0):
-    """The truth, the result (None if nothing was found) for one set of drops."""
+    """The truth, and the result for one set of drops; None if it was refused."""
     rng = np.random.default_rng(seed)
-    setup, about = drawn(rng, kind, slope)
+    setup, about = random_setup(rng, kind, slope)
     drops = int(rng.integers(6, 17)) if kind == "times" else int(rng.integers(4, 9))
     record = hear_drops if kind == "times" else film_drops
-    recordings, _ = record(setup, drops, seed + 10**6)  # numbers that the setup did not use
+    recordings, _ = record(setup, drops, seed + 10**6)  # random numbers independent of the setup
     try:
         return setup, restitution(recordings, **about)
     except TrackError as error:
@@ -71,17 +71,17 @@ def measured(kind, seed, slope=0.0):
         return setup, None
 
 
-def holds(name, scores, shares):
-    """Print shares and rms of one quantity; return whether they are as demanded."""
+def in_range(name, scores, shares):
+    """Print coverage and rms for one quantity; return whether they are in the required ranges."""
     values = {"68 %": shares[0], "95 %": shares[1], "rms": np.sqrt(np.mean(scores**2))}
-    good = all(low <= values[key] <= high for key, (low, high) in DEMANDED.items())
+    good = all(low <= values[key] <= high for key, (low, high) in REQUIRED.items())
     words = ", ".join(f"{key} {value:.3f}" for key, value in values.items())
-    print(f"  {name}: {words}{'' if good else ', not as demanded'}")
+    print(f"  {name}: {words}{'' if good else ', out of range'}")
     return good
 
 
 def orbit(rng, truth, impacts):
-    """Return times of impacts on a sine, the first at 0, and when it was; None at rest."""
+    """Return impact times over a sine, relative to the first, and the first; None at rest."""
     rate, contact = TWO_PI * truth["frequency"], truth["contact"]
     peak = truth["base_acceleration"] * G / rate
 
@@ -111,8 +111,8 @@ def orbit(rng, truth, impacts):
     return times - times[0], times[0]
 
 
-def heard_on_shaker(seed):
-    """Return the clicks of an irregular orbit, and the truth with the phase on their clock."""
+def clicks_on_shaker(seed):
+    """Return clicks of an irregular orbit, and the truth with the phase on the same clock."""
     rng, found = np.random.default_rng(seed), None
     while found is None or np.std(np.diff(found[0])) < 0.1 * np.diff(found[0]).mean():
         truth = {
@@ -136,10 +136,10 @@ def heard_on_shaker(seed):
 
 
 def shaken_campaign(sets, first):
-    """Print the shares for times over a shaken base; return whether all are as demanded."""
+    """Print coverages for times over a shaken base; return whether all are in range."""
     scores, refused, limits = {name: [] for name in MOTION}, 0, np.zeros(2, int)
     for seed in range(first, first + sets):
-        recording, truth = heard_on_shaker(seed)
+        recording, truth = clicks_on_shaker(seed)
         try:
             found = times_on_shaker([recording], contact=truth["contact"] or None)
         except TrackError as error:
@@ -157,13 +157,13 @@ def shaken_campaign(sets, first):
     good = refused <= 0.05 * sets
     for name, values in scores.items():
         far = np.abs(values)
-        good &= holds(name, far, (np.mean(far < 1.0), np.mean(far < 1.96)))
-    print(f"  limits of scatter and clicks hold in {limits[0]} and {limits[1]}")
+        good &= in_range(name, far, (np.mean(far < 1.0), np.mean(far < 1.96)))
+    print(f"  upper limits of scatter and timing hold in {limits[0]} and {limits[1]}")
     return good
 
 
 def campaign(kind, sets, first):
-    """Print the shares of one kind of recording; return whether all are as demanded."""
+    """Print coverages for one kind of recording; return whether all are in range."""
     scores, covered, laws, failed, scatter = [], [], 0, 0, 0
     slopes = []
     for seed in range(first, first + sets):
@@ -179,18 +179,20 @@ def campaign(kind, sets, first):
         scatter += float(found["scatter_limit"]) >= setup.scatter
         slopes.append((seed, float(found["slope_error"])))
         if abs(scores[-1]) > 3.5:
-            print(f"seed {seed}: {scores[-1]:.1f} errors off, {setup}")
-    hit = 0
-    for seed, error in slopes:  # the same balls, whose e now falls by 4 standard errors
+            print(f"seed {seed}: deviation of {scores[-1]:.1f} errors, {setup}")
+    detected = 0
+    for seed, error in slopes:  # the same balls, with a slope of e of 4 standard errors
         found = measured(kind, seed, -4.0 * error)[1]
-        hit += found is not None and found.attrs["dependence"] == "falls"
+        detected += found is not None and found.attrs["dependence"] == "falls"
     n = len(scores)
     print(f"{kind}: {n} sets, {failed} not measured")
-    good = failed == 0 and holds("e", np.array(scores), np.mean(covered, axis=0))
-    print(f"  mean deviation {np.mean(scores):.2f} errors; limit of the scatter holds in {scatter}")
-    print(f"  a constant e called a law: {laws} (at most {0.05 * sets:g})")
-    print(f"  a change of 4 standard errors found: {hit} of {n} (at least 90 %)")
-    return good and laws <= 0.05 * sets and hit >= 0.9 * n
+    good = failed == 0 and in_range("e", np.array(scores), np.mean(covered, axis=0))
+    print(
+        f"  mean deviation {np.mean(scores):.2f} errors; upper limit of scatter holds in {scatter}"
+    )
+    print(f"  constant e found to vary: {laws} (at most {0.05 * sets:g})")
+    print(f"  slope of 4 standard errors detected: {detected} of {n} (at least 90 %)")
+    return good and laws <= 0.05 * sets and detected >= 0.9 * n
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """Accuracy of the laboratory's measurements, for checks/README.md and study/table-4.md.
 
 ``python checks/laboratory.py [accuracy|estimates|bases|time|imperfections|cases ...]`` prints the
-tables, all of them by default; ``--figures DIR`` draws; ``--films N`` and ``--seed S`` set number
-and first seed of the films of ``bases``.  Exit code 1 if a target is missed.
+tables, by default all; ``--figures DIR`` writes figures; ``--films N`` and ``--seed S`` set the
+number and the first seed of the films of ``bases``.  Exit code 1 if a target is missed.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ ROOT = Path(__file__).parents[1]
 SWEEPS = ROOT / "sweeps" / "laboratory"
 G = LABORATORY["gravity"]
 QUARTER, COVERAGE = 0.25, (0.60, 0.76)
-# Irregular films: `share` is relative to the amplitude up to which one bounce a period is stable
+# Irregular films: `share` is relative to the largest amplitude with a stable (1, 1) mode
 DRAWN = {
     "restitution": (0.5, 0.95),
     "frequency": (10.0, 30.0),
@@ -60,11 +60,11 @@ DRAWN = {
     "launch_velocity": (0.15, 0.4),
     "transient": (0.0, 3.0),
 }
-WRONG = 0.01  # share of films that may be taken for those of the other base
+WRONG = 0.01  # largest share of films attributed to the wrong base
 
 
 def at(frequency, **changes):
-    """Table 1 at another frequency: the same kick and first flight in periods."""
+    """Table 1 scaled to another frequency: the same kick and first flight in periods."""
     scaled = {"amplitude": 1.2 / frequency, "launch_velocity": 5.0 / frequency}
     return {**LABORATORY, "frequency": frequency, "phase": np.pi, **scaled, **changes}
 
@@ -78,7 +78,7 @@ SCENES = {
 
 
 def differences(impacts, record):
-    """Landing times of bounces less the nearest true ones, in s, and their standard errors."""
+    """Landing times of bounces minus the nearest true ones, in s, and their standard errors."""
     off, error = [], []
     for p in range(impacts.sizes["particle"]):
         good = impacts["quality"].values[p] == BOUNCED
@@ -92,7 +92,7 @@ def differences(impacts, record):
 
 
 def accuracy():
-    """Errors of landing times against the truth, by frame rate and method."""
+    """Errors of landing times by frame rate and method."""
     print(
         "\n| orbit | frames/s | bounces | rms error, frames | bias, frames | 68 % cover |"
         " sign change: rms, frames |\n|---|---|---|---|---|---|---|"
@@ -126,7 +126,7 @@ def fit_or_reason(tracks):
 
 
 def estimates():
-    """Deviations of estimated parameters from the truth over recordings, in standard errors."""
+    """Deviations of estimated parameters from the truth, in standard errors."""
     print(
         "\n| orbit | frequency | parameter | truth | typical error | mean square deviation,"
         " errors^2 | determined |\n|---|---|---|---|---|---|---|"
@@ -144,7 +144,8 @@ def estimates():
             determined = sum(int(one["determined"]) for one in found)
             if not determined:
                 print(
-                    f"| {name} | {'given' if known else 'sought'} | all | | | | 0 of {recordings} |"
+                    f"| {name} | {'given' if known else 'estimated'} | all | | | | 0 of "
+                    f"{recordings} |"
                 )
                 reached &= "locked" in name
                 continue
@@ -153,7 +154,7 @@ def estimates():
                 error = np.array([float(f["error"][k]) for f in found])
                 square = float(np.mean((off / error) ** 2))
                 print(
-                    f"| {name} | {'given' if known else 'sought'} | {parameter} | "
+                    f"| {name} | {'given' if known else 'estimated'} | {parameter} | "
                     f"{scene[parameter]:g} | {np.median(error):.2g} | {square:.2f} | "
                     f"{determined} of {recordings} |"
                 )
@@ -190,14 +191,14 @@ def irregular_film(base, seed):
 
 
 def interval(count, number):
-    """Interval of 95 % confidence of a share (Clopper and Pearson 1934), in per cent."""
+    """95 % confidence interval of a share (Clopper and Pearson 1934), in per cent."""
     low = betaincinv(count, number - count + 1, 0.025) if count else 0.0
     high = betaincinv(count + 1, number - count, 0.975) if count < number else 1.0
     return f"{100 * low:.2g} to {100 * high:.2g} %"
 
 
 def deviations(estimated, scene):
-    """Estimates less the truth in standard errors."""
+    """Estimates minus the truth in standard errors."""
     names = [str(name) for name in estimated["parameter"].values]
     off = estimated["estimate"].values - [scene[name] for name in names]
     turn = names.index("phase")
@@ -206,33 +207,33 @@ def deviations(estimated, scene):
 
 
 def bases(films, first):
-    """Count the bases found in irregular films, and estimates that are far off."""
+    """Count the bases found in irregular films, and estimates with large deviations."""
     print(
         "\n| base | frequency | films | right | wrong (95 %) | undetermined | refused |"
-        " determined | beyond 4 errors | beyond, and said | scale called off |\n"
+        " determined | beyond 4 errors | of these with a warning | scale corrected |\n"
         + "|---" * 11
         + "|"
     )
     reached = True
     for base, truth in (("high-bounce", "level"), ("moving", "moving")):
         for known in (True, False):
-            said, far, warned, rescaled, number = Counter(), 0, 0, 0, 0
+            counts, far, warned, rescaled, number = Counter(), 0, 0, 0, 0
             for seed in range(first, first + films):
                 tracks, scene = irregular_film(base, seed)
                 rate = scene["frequency"] if known else None
                 try:
                     fitted = fit_tracks(tracks, G, Setup(frequency=rate))
                 except TrackError:
-                    said["refused"] += 1
+                    counts["refused"] += 1
                     continue
-                said[fitted.favoured_base] += 1
+                counts[fitted.favoured_base] += 1
                 rescaled += fitted.flights.curvature != G
                 try:
                     found = estimate(impacts_of(tracks, fitted, G, "fit"), frequency=rate)
                 except TrackError:  # too few bounces
                     continue
                 reached &= not int(found["determined"]) or 0.0 <= float(found["estimate"][0]) <= 1.0
-                # estimates are right only on the right base
+                # estimates are valid only for the right base
                 if not int(found["determined"]) or fitted.favoured_base == "undetermined":
                     continue
                 number += 1
@@ -241,12 +242,12 @@ def bases(films, first):
                 warned += beyond and found.attrs["warning"] != ""
             other = {"level": "moving", "moving": "level"}[truth]
             print(
-                f"| {base} | {'given' if known else 'sought'} | {films} | {said[truth]} | "
-                f"{said[other]} ({interval(said[other], films)}) | {said['undetermined']} | "
-                f"{said['refused']} | {number} | {far} | {warned} | {rescaled} |",
+                f"| {base} | {'given' if known else 'estimated'} | {films} | {counts[truth]} | "
+                f"{counts[other]} ({interval(counts[other], films)}) | {counts['undetermined']} | "
+                f"{counts['refused']} | {number} | {far} | {warned} | {rescaled} |",
                 flush=True,
             )
-            reached &= said[other] <= WRONG * films
+            reached &= counts[other] <= WRONG * films
     return reached
 
 
@@ -266,7 +267,7 @@ def timing():
     samples = step(
         "samples and pieces", lambda: samples_of(when, height, np.zeros(height.shape, bool))
     )
-    flights = step("flights: found, fitted, cut anew", lambda: find_flights(samples, G, None))
+    flights = step("flights: found, fitted, reassigned", lambda: find_flights(samples, G, None))
     step(
         "one fit of all parabolas, of eight",
         lambda: fit_parabolas(samples, flights.member, flights.piece.size, G),
@@ -281,7 +282,7 @@ def timing():
 
 
 def imperfect(figures, duration):
-    """Errors that each imperfection makes by itself."""
+    """Errors due to each single imperfection."""
     study = study_imperfections(duration=20.0 + duration)
     shown = (("fit", "particle"), ("sign_change", "particle"), ("sign_change", "flight"))
     print("\n| imperfection | " + " | ".join(f"{p}, {r}: A B C D" for p, r in shown) + " |")
@@ -357,9 +358,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("parts", nargs="*")
     parser.add_argument("--figures", type=Path)
-    parser.add_argument("--duration", type=float, default=40.0, help="of each repeat of Table 4, s")
-    parser.add_argument("--films", type=int, default=300, help="of each base and task")
-    parser.add_argument("--seed", type=int, default=0, help="of the first film")
+    parser.add_argument(
+        "--duration", type=float, default=40.0, help="duration of each repeat of Table 4, s"
+    )
+    parser.add_argument(
+        "--films", type=int, default=300, help="number of films for each base and task"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of the first film")
     options = parser.parse_args()
     parts = {
         "accuracy": accuracy,

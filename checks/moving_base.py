@@ -25,7 +25,7 @@ from vibrosweep.lab.trials import perform_trials
 G, FREQUENCY = LABORATORY["gravity"], LABORATORY["frequency"]
 COVERAGE, RIGHT = (0.60, 0.76), 0.95
 # Gamma, restitution, and the time in s after which recording begins: at 0.4 orbits lock within
-# seconds, and only the approach tells anything.
+# seconds, and only the approach contains information.
 SCENES = ((0.4, 0.9, 0.0), (1.5, 0.7, 2.0), (3.0, 0.5, 2.0))
 
 
@@ -55,7 +55,7 @@ def filmed(base, case, seed):
 
 
 def stays_called_flights(fitted, record):
-    """Number of flights found where the particle rested all the time between their ends."""
+    """Number of flights found while the particle was at rest."""
     flights, wrong = fitted.flights, 0
     middle = (flights.ends.up + flights.ends.down) / 2.0
     for p in range(record.landing_time.shape[0]):
@@ -69,15 +69,15 @@ def stays_called_flights(fitted, record):
 
 def over_a_moving_base(case, seeds):
     """Print one row of the table; return whether it reaches the targets."""
-    said, off, errors, times, marks = [], [], [], [], np.zeros(2, int)
+    favoured, off, errors, times, marks = [], [], [], [], np.zeros(2, int)
     for seed in seeds:
         trial, truth = filmed("moving", case, seed)
         try:
             fitted = fit_tracks(trial.tracks, G, Setup(frequency=FREQUENCY))
-        except TrackError:  # all particles soon ride on the base
-            said.append("nothing flies")
+        except TrackError:  # all particles soon rest on the base
+            favoured.append("nothing flies")
             continue
-        said.append(fitted.favoured_base)
+        favoured.append(fitted.favoured_base)
         if fitted.flights.base_fit is None:
             continue
         found = impacts_of(trial.tracks, fitted, G, "fit")
@@ -93,7 +93,7 @@ def over_a_moving_base(case, seeds):
     off, errors, times = np.array(off), np.array(errors), np.concatenate(times, axis=1)
     cover = np.mean(np.abs(off) < errors, axis=0)
     landing = float(np.mean(np.abs(times[0]) < times[1]))
-    moving, level = said.count("moving"), said.count("level")
+    moving, level = favoured.count("moving"), favoured.count("level")
     typical = np.median(errors, axis=0)
     print(
         f"| {case[0]:g} | {case[1]:g} | {moving} / {level} / {len(seeds) - moving - level} "
@@ -111,19 +111,21 @@ def over_a_moving_base(case, seeds):
 
 def over_a_level_base(seeds):
     """Count how often a level base is recognised; return whether that reaches the target."""
-    said, refused = [], 0
+    favoured, refused = [], 0
     for case in SCENES:
         for seed in seeds:
             trial, _ = filmed("high-bounce", case, seed)
             try:
-                said.append(fit_tracks(trial.tracks, G, Setup(frequency=FREQUENCY)).favoured_base)
+                favoured.append(
+                    fit_tracks(trial.tracks, G, Setup(frequency=FREQUENCY)).favoured_base
+                )
             except TrackError:
                 refused += 1
-    moving, level = said.count("moving"), said.count("level")
+    moving, level = favoured.count("moving"), favoured.count("level")
     print(
-        f"\nOver a base that stays at its level, at the same three kicks: {level} recordings speak "
-        f"for it, {moving} for one that moves, {said.count('undetermined')} for neither, and in "
-        f"{refused} nothing flies."
+        f"\nOver a base at a constant level, with the same three kicks: {level} recordings favour "
+        f"it, {moving} a moving one, {favoured.count('undetermined')} neither, and {refused} show "
+        f"no flight."
     )
     return level >= RIGHT * (moving + level)
 

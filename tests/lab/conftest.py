@@ -7,14 +7,14 @@ from vibrosweep.lab.experiment import LABORATORY, Experiment
 from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.trials import perform_trials
 
-# irregular orbits, which visit many phases; those of Table 1 at 20 Hz lock
+# irregular orbits, which visit many phases; at 20 Hz those of Table 1 are locked
 IRREGULAR = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}
 LOCKED = {**LABORATORY, "phase": np.pi}
 
 
 @pytest.fixture(scope="session")
 def trial():
-    """One short recording of a virtual experiment."""
+    """Make one short recording of a virtual experiment."""
 
     def make(scene=IRREGULAR, particles=3, length=10.0, transient=20.0, **others):
         window = {"transient": transient, "duration": transient + length}

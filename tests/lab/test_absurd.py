@@ -32,7 +32,7 @@ OPTIONS = {
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
-    """Times of impacts on a floor, a film of them, and files that hold nothing."""
+    """Times of impacts on a floor, a film of them, and empty files."""
     folder = tmp_path_factory.mktemp("absurd")
     setup = FloorExperiment(bounces=4, frame_rate=120.0)
     pd.DataFrame({"time (s)": hear_drops(setup)[0][0].time}).to_csv(
@@ -46,8 +46,8 @@ def files(tmp_path_factory):
     return folder
 
 
-def said(capsys, *words):
-    """Run a command; its exit code, after the check of what it printed."""
+def run_command(capsys, *words):
+    """Run a command, check its output, and return its exit code."""
     try:
         code = main([str(word) for word in words])
     except SystemExit as end:  # argparse
@@ -57,7 +57,7 @@ def said(capsys, *words):
     assert "Traceback" not in errors
     if code == 2:
         assert errors.strip()
-        # what argparse says names the option too
+        # argparse's message names the option too
         assert "error:" in errors or errors.startswith("vibrosweep: ")
     return code
 
@@ -66,15 +66,15 @@ def said(capsys, *words):
 def test_options_with_absurd_values_are_refused_in_one_message(part, files, capsys):
     for option, values in OPTIONS[part].items():
         for value in values:
-            code = said(capsys, "lab", part, files / "times.csv", f"{option}={value}")
+            code = run_command(capsys, "lab", part, files / "times.csv", f"{option}={value}")
             if value in ("nan", "inf", "") and option not in ("--from", "--to"):
                 assert code == 2, (part, option, value)
 
 
 @pytest.mark.parametrize("part", ["restitution", "impacts", "compare"])
-def test_files_that_hold_nothing_are_refused(part, files, capsys):
+def test_empty_files_are_refused(part, files, capsys):
     for name in ("missing.csv", "empty.csv", "noise.bin", "."):
-        assert said(capsys, "lab", part, files / name) == 2
+        assert run_command(capsys, "lab", part, files / name) == 2
 
 
 def clicks(times):
@@ -84,8 +84,8 @@ def clicks(times):
 ABSURD = (np.nan, np.inf, -np.inf, -1.0, 0.0, 1e300, 1e-300, (2.0, 1.0), (np.nan, 1.0), "abc", None)
 
 
-def survives(call):
-    """Call, and let only an error of this package pass, whose message is one line."""
+def raises_only_own_errors(call):
+    """Make a call that may only raise errors of this package with one-line messages."""
     with contextlib.suppress(VibrosweepError):
         try:
             call()
@@ -104,14 +104,16 @@ def test_arguments_with_absurd_values_are_refused_in_one_message():
             given = {name: value}
             if name in ("mass", "diameter"):
                 given = {"mass": value, "diameter": value}
-            survives(lambda given=given: lab.restitution(drops, **given))
+            raises_only_own_errors(lambda given=given: lab.restitution(drops, **given))
         for name in ("contact", "gravity", "frequency"):
             given = {"frequency": 20.0, name: value}
-            survives(lambda given=given: lab.times_on_shaker([clicks(ones)], **given))
+            raises_only_own_errors(lambda given=given: lab.times_on_shaker([clicks(ones)], **given))
     for times in ([], [1.0], [np.nan] * 5, [0.0] * 9, [1e300, -1e300, 0.0], [0.0, np.inf, 1.0]):
-        survives(lambda times=times: lab.restitution([clicks(times)]))
-        survives(lambda times=times: lab.times_on_shaker([clicks(times)], frequency=20.0))
-    survives(lambda: lab.restitution([]))
+        raises_only_own_errors(lambda times=times: lab.restitution([clicks(times)]))
+        raises_only_own_errors(
+            lambda times=times: lab.times_on_shaker([clicks(times)], frequency=20.0)
+        )
+    raises_only_own_errors(lambda: lab.restitution([]))
 
 
 TRACKS = {
@@ -126,26 +128,26 @@ TRACKS = {
 
 
 @pytest.mark.parametrize("name", TRACKS)
-def test_what_is_done_with_tracks_refuses_absurd_arguments(name, locked, found):
+def test_functions_of_tracks_refuse_absurd_arguments(name, locked, found):
     about = found if name == "estimate" else locked.tracks
     given = {"restitution": 0.9, "amplitude": 0.06, "frequency": 20.0, "draws": 2}
     given = given if name == "compare_tracks" else {}
     for argument in TRACKS[name]:
         for value in ABSURD:
             call = partial(getattr(lab, name), about, **{**given, argument: value})
-            survives(call)
+            raises_only_own_errors(call)
 
 
 def test_a_virtual_film_refuses_absurd_setups():
-    """Experiments are made, and not filmed where they may be: that is checked elsewhere."""
+    """Experiments are only created; filming them is tested elsewhere."""
     for name in inspect.signature(lab.Experiment).parameters:
         for value in ABSURD:
-            survives(partial(lab.Experiment, **{name: value}))
+            raises_only_own_errors(partial(lab.Experiment, **{name: value}))
 
 
 @pytest.mark.parametrize("kind", [lab.Camera, lab.Variation])
 def test_cameras_and_variations_refuse_absurd_values(kind):
-    """Where they are made: each has one range, that of its key in a file."""
+    """On creation: each argument has the same range as its key in a file."""
     for name in inspect.signature(kind).parameters:
         for value in (np.nan, np.inf, -1.0, 1e300, (0.1, 0.2), "abc", None):
             with pytest.raises(ParameterError, match=rf"^{name} = .*: must be "):
@@ -161,4 +163,4 @@ def test_virtual_drops_refuse_absurd_setups():
                 hear_drops(setup)
                 film_drops(setup)
 
-            survives(call)
+            raises_only_own_errors(call)

@@ -44,7 +44,7 @@ def film():
 
 
 def trace(shape=TWO_TONES, noise=1e-5, quantity="height", seed=1):
-    """The height (m) or acceleration of a base, measured at a thousand values per second."""
+    """Height (m) or acceleration (m s-2) of a base, sampled at 1000 Hz."""
     phase = FREQUENCY * TIME + NUMBERS["phase"] / (2.0 * math.pi)
     if quantity == "height":
         clean = 0.1 / FREQUENCY * shape.height(phase)
@@ -53,7 +53,7 @@ def trace(shape=TWO_TONES, noise=1e-5, quantity="height", seed=1):
     return clean + noise * np.random.default_rng(seed).standard_normal(TIME.size)
 
 
-def test_flights_of_a_film_begin_and_end_on_the_base_as_it_moves(film):
+def test_flights_of_a_film_begin_and_end_on_the_moving_base(film):
     plan, trial = film
     record, base = trial.record, oscillating_surface(plan.parameters, TWO_TONES)
     up, down = record.liftoff_time[:, :-1], record.landing_time[:, 1:]
@@ -68,7 +68,7 @@ def test_flights_of_a_film_begin_and_end_on_the_base_as_it_moves(film):
 
 
 def test_weights_phases_and_restitution_of_a_film_within_their_errors(film):
-    """Five standard errors: nothing here depends on luck."""
+    """Five standard errors: chance failures are negligible."""
     found = find_impacts(film[1].tracks, trace=make_trace(TIME, film_height(film), "height"))
     one = estimate(found)
     assert one["parameter"].values.tolist() == [
@@ -102,7 +102,7 @@ def test_a_recording_is_compared_with_the_base_of_its_trace(film):
 
 @pytest.fixture(scope="module")
 def marked(film, tmp_path_factory):
-    """The tracks of the film with that of a mark on the base, as a file."""
+    """A file with the tracks of the film and of a mark on the base."""
     tracks, path = film[1].tracks, tmp_path_factory.mktemp("marked") / "film.csv"
     time, rng = tracks["time"].values, np.random.default_rng(3)
     mark = oscillating_surface(film[0].parameters, TWO_TONES).height(time) - 0.02
@@ -129,7 +129,7 @@ def test_a_mark_on_the_base_shows_its_harmonics(film, marked, capsys):
 
 
 def test_a_mark_that_is_averaged_over_the_exposure_is_corrected(marked):
-    """Each harmonic by x / sin x, where x is half the angle through which it turns."""
+    """Each harmonic by x / sin x, where x is half its phase change over the exposure."""
     tracks = read_tracks(marked, base_track="table")
     one, other = (trace_of_mark(tracks, exposure).values for exposure in (0.0, 4e-3))
     assert one[2] == other[2]
@@ -150,8 +150,8 @@ def test_impossible_marks_are_refused(film, marked):
 @pytest.mark.parametrize(
     ("known", "message"),
     [
-        ({"motion": "level"}, "a trace belongs to a base that moves"),
-        ({"base": 0.0}, "a height of the base belongs to one at a constant level"),
+        ({"motion": "level"}, "a trace requires a base that moves"),
+        ({"base": 0.0}, "a height of the base requires a constant level"),
         ({"frequency": 40.0}, "given as 40 Hz, but the trace of the base repeats at 20"),
     ],
 )
@@ -182,7 +182,7 @@ def test_the_criterion_finds_as_many_harmonics_as_there_are(shape, numbers, quan
 
 
 def test_heights_rounded_to_steps_that_repeat_have_no_harmonics():
-    """Each period of 50 values is rounded alike, and harmonics could fit the errors of rounding."""
+    """Each period of 50 values is rounded equally, and harmonics could fit the rounding errors."""
     for shape, numbers in ((SINE, (1,)), (TWO_TONES, (1, 2))):
         assert make_trace(TIME, trace(shape, 0.0).round(5), "height").numbers == numbers
 

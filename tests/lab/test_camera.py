@@ -1,4 +1,4 @@
-"""Filmed heights: closed forms of parabolas and of their means over an exposure."""
+"""Filmed heights: closed forms for parabolas and their means over an exposure."""
 
 import numpy as np
 import pytest
@@ -49,12 +49,12 @@ def test_a_moving_base_carries_what_rests_on_it(on_a_moving_base):
 
 
 @pytest.mark.parametrize("which", ["motion", "on_a_moving_base"])
-def test_the_mean_over_an_exposure_is_that_of_a_fine_sum(which, request):
+def test_the_mean_over_an_exposure_agrees_with_the_midpoint_rule(which, request):
     motion = request.getfixturevalue(which)
     time, exposure, parts = np.linspace(0.02, 0.5, 49), 0.02, 20_000
     inside = (np.arange(parts) + 0.5) / parts - 0.5
     fine = motion.height((time[:, np.newaxis] + exposure * inside).ravel()).reshape(49, -1)
-    # the midpoint rule meets kinks: its error is of the order of speed * step
+    # because of kinks the error of the midpoint rule is of order speed * step
     np.testing.assert_allclose(motion.mean_height(time, exposure), fine.mean(axis=1), atol=1e-9)
 
 

@@ -1,4 +1,4 @@
-"""Commands that film, measure and compare; and one message for every mistake."""
+"""Commands that film, measure and compare; one message for each mistake."""
 
 import json
 import re
@@ -64,7 +64,7 @@ def test_synthesized_files_hold_tracks_and_truth(filmed):
     assert row.rebound_velocity == pytest.approx(0.85 * before + kick, abs=1e-6)
 
 
-def test_films_are_kept_unless_forced_and_repeat_exactly(filmed, vibrosweep):
+def test_films_are_not_replaced_unless_forced_and_are_reproducible(filmed, vibrosweep):
     spec = filmed.parent / "short.toml"
     code, _, message = vibrosweep("synthesize", spec, "-o", filmed)
     assert code == 2
@@ -140,10 +140,10 @@ def test_compare_prints_the_table(filmed, vibrosweep, tmp_path):
 def test_one_message_for_a_mistake(filmed, vibrosweep, monkeypatch, tmp_path, words, message):
     monkeypatch.chdir(tmp_path)
     words = [str(trials(filmed)[0]) if word == "TRACK" else word for word in words]
-    code, _, said = vibrosweep(*words)
+    code, _, printed = vibrosweep(*words)
     assert code == 2
-    assert said.count("vibrosweep: ") == 1
-    assert message in said
+    assert printed.count("vibrosweep: ") == 1
+    assert message in printed
     assert list(tmp_path.iterdir()) == []
 
 

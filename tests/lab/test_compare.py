@@ -32,7 +32,7 @@ KNOWN = {"frequency": 20.0, "restitution": 0.9, "amplitude": 0.06, "contact_time
 
 
 def test_a_locked_orbit_is_measured_and_predicted_at_its_closed_form(locked, workers):
-    """H_1 = g / (8 f^2) and the forcing period, whatever restitution and amplitude are."""
+    """H_1 = g / (8 f^2) and the forcing period, independent of restitution and amplitude."""
     table = compare([locked.tracks], ComparisonOptions(KNOWN), workers)
     assert table["case"].values.tolist() == ["N=1"]
     assert all(variable.attrs for variable in table.data_vars.values())  # units, meanings
@@ -61,8 +61,8 @@ def test_estimated_parameters_predict_what_was_measured(irregular, workers):
     assert (table["parameters"] > 0.0).all()
 
 
-def test_irregular_motion_is_said_and_compared_as_a_whole(trial, locked, workers):
-    """Single flights cannot be foretold, but their distribution is near that of the true motion."""
+def test_irregular_motion_is_reported_and_compared_by_distributions(trial, locked, workers):
+    """Single flights cannot be predicted, but their distribution is close to the true one."""
     known = {**KNOWN, "restitution": 0.85, "amplitude": 0.2}
     film = trial(scene={**IRREGULAR, "amplitude": 0.2}, particles=2)
     table = compare([film.tracks], ComparisonOptions(known), workers)
@@ -79,7 +79,7 @@ def test_irregular_motion_is_said_and_compared_as_a_whole(trial, locked, workers
     assert re.search(r"N=1 height: .*flight", text)
 
 
-def test_a_copy_that_cannot_be_measured_leaves_the_errors_of_the_camera_open(irregular, workers):
+def test_errors_of_the_camera_are_unknown_if_the_prediction_cannot_be_measured(irregular, workers):
     """The particles of this prediction come to rest after a few flights."""
     known = {**KNOWN, "restitution": 0.2, "amplitude": 0.03}
     table = compare([irregular.tracks], ComparisonOptions(known), workers)
@@ -106,7 +106,7 @@ def test_errors_by_hand(found):
     assert np.isnan([nothing["height"][reading] for reading in READINGS]).all()
 
 
-def test_prediction_follows_each_particle_from_its_first_flight(irregular, found, workers):
+def test_prediction_starts_with_the_first_flight_of_each_particle(irregular, found, workers):
     """At the true parameters the means are those of the true record."""
     scene = scene_of(found, "rest", SINE, "constant")
     sets, shapes, refused = draw_parameters(IRREGULAR, scene, None, 0)
@@ -119,7 +119,7 @@ def test_prediction_follows_each_particle_from_its_first_flight(irregular, found
 
 
 def test_a_particle_that_never_flew_is_not_launched(found, workers):
-    """Its copy would be launched at t = 0 without a speed, and show no errors of the camera."""
+    """It would be launched at t = 0 with speed zero, without errors of the camera."""
     still = found.copy(deep=True)
     still["flight_time"][1] = np.nan
     scene = scene_of(found, "rest", SINE, "constant")
@@ -131,7 +131,7 @@ def test_a_particle_that_never_flew_is_not_launched(found, workers):
     assert np.isnan(foretold["height"][0]).tolist() == [False, True, False]
 
 
-def test_draws_stay_physical_or_are_refused(found):
+def test_unphysical_draws_are_replaced_or_refused(found):
     scene = scene_of(found, "rest", SINE, "constant")
     estimated = estimate(found, frequency=20.0)
     sets, _, refused = draw_parameters(LABORATORY, scene, estimated, 50)
@@ -191,7 +191,7 @@ def test_quantities_of_a_locked_orbit(locked):
     one = quantities(impacts, frequency=20.0, phase=np.pi)
     assert float(one["flight_time"]) == pytest.approx(0.05, rel=1e-4)
     assert float(one["phase_lock"]) > 0.99
-    # the locked phase of Table 1, which this is at 20 Hz
+    # the locked phase of Table 1, scaled to 20 Hz
     assert float(one["impact_phase"]) == pytest.approx(0.4329824, abs=0.01)
     assert np.isnan(float(one["dt_min"]))
     assert np.nanmax(phases(impacts, 20.0)) < 1.0

@@ -1,4 +1,4 @@
-"""A ball on a floor: from films and from times of impacts, with all that real recordings show."""
+"""A ball on a floor: films and times of impacts, with all effects seen in real recordings."""
 
 import json
 import tomllib
@@ -22,7 +22,7 @@ BALL = {"mass": 0.046, "diameter": 0.043}  # terminal speed 33 m/s
 
 
 def off(found, truth):
-    """Deviation of the restitution in stated errors."""
+    """Deviation of the restitution in standard errors."""
     return float(found["restitution"] - truth) / float(found["restitution_error"])
 
 
@@ -51,7 +51,7 @@ def test_flights_with_drag_are_those_of_the_equation_of_motion(drag):
     assert nominal_of(np.array([rise + fall]), 9.81, drag) == pytest.approx(4.0)
 
 
-def test_films_give_restitution_contact_and_drag_whatever_the_contact():
+def test_films_give_restitution_contact_time_and_drag_for_any_law_of_force():
     for contact in ("dashpot", "hertz"):
         setup = FloorExperiment(
             contact=contact, contact_time=2e-3, terminal_speed=25.0, scatter=0.004, hands=True
@@ -89,10 +89,10 @@ def test_a_film_upside_down_names_the_option():
         restitution([turned])
 
 
-def test_times_tell_scatter_of_bounces_from_that_of_drops_and_of_the_clock():
+def test_times_separate_the_variance_components():
     setup = FloorExperiment(scatter=0.006, drop_scatter=0.006, terminal_speed=33.0)
-    heard, truth = hear_drops(setup, 16, seed=3)
-    found = restitution(heard, contact=5e-4, **BALL)
+    recordings, truth = hear_drops(setup, 16, seed=3)
+    found = restitution(recordings, contact=5e-4, **BALL)
     assert abs(off(found, 0.85)) < 3.0
     happened = {
         "scatter": np.sqrt(np.mean([drop.restitution.var(ddof=1) for drop in truth])),
@@ -104,8 +104,8 @@ def test_times_tell_scatter_of_bounces_from_that_of_drops_and_of_the_clock():
     assert found.attrs["dependence"] == "constant"
 
 
-def test_long_contacts_are_found_from_times_whatever_their_force():
-    """Last flights of a few ms, where a contact counted the wrong way round is far off."""
+def test_long_contacts_are_found_from_times_for_any_law_of_force():
+    """The last flights of a few ms show a sign error of the contact time."""
     for contact in ("dashpot", "hertz"):
         setup = FloorExperiment(restitution=0.65, bounces=8, contact_time=4e-3, contact=contact)
         found = restitution(hear_drops(setup, 8, seed=2)[0])
@@ -114,7 +114,7 @@ def test_long_contacts_are_found_from_times_whatever_their_force():
         assert abs(float(length["input_value"]) - 4.5e-3) < 3 * float(length["input_error"]) + 5e-4
 
 
-def test_an_inclined_floor_is_seen_by_x_and_y():
+def test_an_inclined_floor_is_found_from_x_and_y():
     for incline in (0.15, -0.3):
         setup = FloorExperiment(incline=incline, scatter=0.003, bounces=5)
         found = restitution(film_drops(setup, 2, seed=3)[0])
@@ -123,22 +123,22 @@ def test_an_inclined_floor_is_seen_by_x_and_y():
         assert found["drop_gravity"].values == pytest.approx(9.81 * np.cos(incline), abs=0.01)
 
 
-def test_a_drop_left_out_lies_where_the_others_predict_it():
+def test_a_drop_left_out_agrees_with_the_prediction_of_the_others():
     setup = FloorExperiment(scatter=0.006, drop_scatter=0.004, contact_time=5e-4)
-    heard = hear_drops(setup, 8, seed=6)[0]
+    recordings = hear_drops(setup, 8, seed=6)[0]
     within = 0
     for k in range(8):
-        others = restitution([*heard[:k], *heard[k + 1 :]], contact=5e-4)
-        own = restitution([heard[k]], contact=5e-4)
+        others = restitution([*recordings[:k], *recordings[k + 1 :]], contact=5e-4)
+        own = restitution([recordings[k]], contact=5e-4)
         error = np.hypot(others["prediction_error"], own["drop_restitution_error"][0])
         within += abs(float(others["restitution"] - own["restitution"])) < 2.0 * float(error)
     assert within >= 7
 
 
-def test_groups_that_files_name_are_measured_one_by_one():
+def test_groups_named_in_files_are_measured_separately():
     setup = FloorExperiment(scatter=0.003, contact_time=5e-4)
-    heard = [replace(one, group="ab"[k % 2]) for k, one in enumerate(hear_drops(setup, 4)[0])]
-    found = restitution(heard, contact=5e-4)
+    recordings = [replace(one, group="ab"[k % 2]) for k, one in enumerate(hear_drops(setup, 4)[0])]
+    found = restitution(recordings, contact=5e-4)
     assert found["group"].values.tolist() == ["a", "b"]
     assert found["group_restitution"].values == pytest.approx(0.85, abs=0.01)
     assert "a: 0.8" in "\n".join(restitution_lines(found))
@@ -152,7 +152,7 @@ def test_missed_and_false_clicks_are_found():
     assert abs(off(found, 0.85)) < 3.5
 
 
-def test_times_name_no_law_and_one_bounce_no_scatter():
+def test_times_determine_no_law_and_one_bounce_no_scatter():
     falling = FloorExperiment(slope=-0.02, scatter=0.003, contact_time=5e-4)
     found = restitution(hear_drops(falling, 8, seed=2)[0], contact=5e-4)
     assert found.attrs["dependence"] == "falls"
@@ -161,14 +161,14 @@ def test_times_name_no_law_and_one_bounce_no_scatter():
     assert float(one["restitution"]) == pytest.approx(0.85, abs=1e-3)
     assert np.isnan(one["scatter"])
     assert "not determined by so few bounces" in "\n".join(restitution_lines(one))
-    # the first fall counts with the height of the drop
+    # the drop height adds the first fall
     fallen = restitution([clicks([0.0, 0.7])], contact=5e-4, drop_height=0.8)
     assert float(fallen["restitution"]) == pytest.approx(0.866, abs=1e-3)
 
 
 @pytest.mark.parametrize("drift", [-2e-3, 2e-3])
 def test_a_camera_that_drifts_moves_neither_restitution_nor_contact(drift):
-    """By mm per second, in which a level that is constant would be contacts of other length."""
+    """By mm per second; with a constant level the contact times would be biased."""
     setup = FloorExperiment(restitution=0.8, contact_time=1e-3, noise=1e-4)
     films = [
         replace(film, height=film.height + drift * film.time)
@@ -184,7 +184,7 @@ def test_a_camera_that_drifts_moves_neither_restitution_nor_contact(drift):
 
 
 def test_the_grid_of_components_resolves_them_however_many_bounces():
-    """Twice as many nodes on each axis change errors by 5 %, and upper limits by a fifth."""
+    """Doubling the nodes changes errors by at most 5 %, and upper limits by at most a fifth."""
     rng, rows = np.random.default_rng(5), []
     for n in (6, 6, 60, 60):
         clicks = np.diff(np.eye(n + 1), axis=0)

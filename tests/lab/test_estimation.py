@@ -33,7 +33,7 @@ def test_estimates_agree_with_the_truth_within_their_errors(recordings, known):
 
 
 def test_errors_on_both_sides_do_not_bias_the_restitution(recordings):
-    """A plain regression is off by far more than its errors: the adjustment is not."""
+    """Ordinary least squares is off by many standard errors, the adjustment is not."""
     plain = []
     for one in recordings:
         arrive, leave, time = bounces_of(one).speeds()
@@ -47,8 +47,8 @@ def test_errors_on_both_sides_do_not_bias_the_restitution(recordings):
 
 
 @pytest.mark.parametrize("known", [20.0, None])
-def test_a_locked_orbit_determines_nothing_and_says_so(locked, known):
-    """An unknown frequency is not found either: its multiples describe the bounces equally well."""
+def test_a_locked_orbit_determines_nothing_and_gives_a_warning(locked, known):
+    """Nor an unknown frequency: its multiples fit the bounces equally well."""
     found = estimate(find_impacts(locked.tracks), frequency=known)
     assert int(found["determined"]) == 0
     assert "does not determine restitution and amplitude" in found.attrs["warning"]
@@ -58,7 +58,7 @@ def test_a_locked_orbit_determines_nothing_and_says_so(locked, known):
 
 
 def test_equations_that_noise_alone_determines_are_not_solved(found):
-    """Bounces at one phase and speed, but for errors of the instants: their system is singular."""
+    """Bounces at one phase and speed up to timing errors: the system is singular."""
     same = found.copy(deep=True)
     for name in ("landing_time", "liftoff_time"):
         same[name] = found[name] * 0.0 + 0.05 * (1.0 + np.arange(found.sizes["impact"]))
@@ -76,8 +76,8 @@ def test_the_phase_of_a_locked_orbit_is_that_of_the_stable_branch(locked):
     assert abs(turns - round(turns)) < 0.005
 
 
-def test_a_multiple_of_the_frequency_is_not_taken_for_it(trial):
-    """By ordinary least squares the third describes these bounces best."""
+def test_a_multiple_of_the_frequency_is_not_mistaken_for_it(trial):
+    """By ordinary least squares three times the frequency fits these bounces best."""
     film = trial(
         scene=IRREGULAR | {"phase": -0.3077},
         camera=Camera(noise=0.5),
@@ -92,7 +92,7 @@ def test_a_multiple_of_the_frequency_is_not_taken_for_it(trial):
 
 
 def test_bounces_that_no_parameters_describe_are_refused(recordings):
-    """Landings that are off by many times their errors: 5 ms, a tenth of a flight."""
+    """Landings with errors of 5 ms, a tenth of a flight and many stated errors."""
     one = recordings[0].copy(deep=True)
     wrong = 5e-3 * np.random.default_rng(0).standard_normal(one["landing_time"].shape)
     for name in ("landing_time", "liftoff_time"):

@@ -1,4 +1,4 @@
-"""Virtual experiments over every base: their landings are those of the engine, and are filmed."""
+"""Virtual experiments over every base: landings equal those of the engine."""
 
 import math
 
@@ -41,7 +41,7 @@ def test_the_landings_are_those_of_simulate_and_the_film_shows_them(base, mount)
     for name, values in trial.record._asdict().items():
         np.testing.assert_array_equal(values, truth[name].values[0])
     assert (trial.record.rested == 1).any()
-    # a particle flies on parabolas, and between them the base pushes it
+    # flights are parabolas, and between them the particle is on the base
     time, height = trial.tracks["time"].values, trial.tracks["height"].values
     bent = np.diff(height, 2, axis=0) * 240.0**2 + G
     for p in range(2):
@@ -67,7 +67,7 @@ def test_particles_of_different_restitution_share_one_base():
         bounced = bounced[np.isin(bounced - 1, bounced)]
         height, velocity = -size * np.cos(OMEGA * time), OMEGA * size * np.sin(OMEGA * time)
         lasted = time[bounced] - time[bounced - 1]
-        # a flight from the base to the base, then e times the speed relative to it
+        # flights begin and end on the base, and e applies to the relative speed
         risen = height[bounced] - height[bounced - 1]
         np.testing.assert_allclose(
             leave[bounced - 1] * lasted - 0.5 * G * lasted**2, risen, atol=1e-12

@@ -46,9 +46,9 @@ def test_every_number_of_a_recording(option, name, value, files, capsys):
     given[option] = value
     options = [f"--{key}={number}" for key, number in given.items()]
     code = main(["lab", "impacts", str(files / name), *options])
-    said = capsys.readouterr()
+    output = capsys.readouterr()
     assert code in (0, 2)
-    assert said.err.count("\n") == (1 if code else 0)
+    assert output.err.count("\n") == (1 if code else 0)
 
 
 @pytest.mark.parametrize("time", [TIME * 1e300, TIME * 1e-300, TIME * 1e7, TIME * 1e-12])

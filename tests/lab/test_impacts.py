@@ -17,7 +17,7 @@ G = 9.81
 
 
 def differences(impacts, record, quality=BOUNCED):
-    """Landing times less the nearest true ones, s, and their standard errors."""
+    """Landing times minus the nearest true ones, s, and their standard errors."""
     off, error = [], []
     for p in range(impacts.sizes["particle"]):
         chosen = impacts["quality"].values[p] == quality
@@ -31,7 +31,7 @@ def differences(impacts, record, quality=BOUNCED):
 
 
 def thrown(durations, rate=240.0, start=0.013):
-    """Frames of a noise-free particle that bounces with these flight times."""
+    """Frames of a noise-free particle with given flight times."""
     edges = start + np.concatenate([[0.0], np.cumsum(durations)])
     time = np.arange(int(edges[-1] * rate) + 1) / rate
     height = np.zeros_like(time)
@@ -42,7 +42,7 @@ def thrown(durations, rate=240.0, start=0.013):
 
 
 def test_landing_times_are_finer_than_a_frame_and_their_stated_errors_right(trial):
-    """Aims are an error below a quarter of a frame, and 68 % intervals that hold 60 to 76 %."""
+    """An error below a quarter of a frame, and 68 % intervals with a coverage of 60 to 76 %."""
     one = trial(particles=3, length=25.0, seed=11)
     found = find_impacts(one.tracks)
     off, error = differences(found, one.record)
@@ -111,14 +111,14 @@ def test_a_stay_on_the_base_is_distinguished_from_a_bounce():
     assert float(one["liftoff_time"]) == pytest.approx(edges[3] + pause, abs=1e-3)
 
 
-def test_frames_that_saw_a_landing_are_left_out_if_the_exposure_is_given(trial):
+def test_frames_with_a_landing_in_their_exposure_are_left_out(trial):
     blurred = Camera(noise=0.1, whole_pixels=False, exposure=2e-3)
     one = trial(camera=blurred, seed=5)
     off, _ = differences(find_impacts(one.tracks, exposure=2e-3), one.record)
     assert np.sqrt(np.mean(off**2)) * 240.0 < 0.02
 
 
-def test_a_wrong_scale_is_seen_by_gravity_and_does_not_move_landings(trial):
+def test_gravity_shows_a_wrong_scale_which_does_not_shift_landings(trial):
     one = trial(camera=Camera(scale_error=0.05))
     found = find_impacts(one.tracks)
     assert found.attrs["scale_off"] == 1

@@ -1,4 +1,4 @@
-"""Contacts that last and restitutions that scatter, over a base that moves as a sine."""
+"""Finite contact times and scatter of the restitution, over a sinusoidally moving base."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ BASE = Oscillation(np.array([*TRUTH[1:], 20.0]))
 
 
 def bounces(lasting, scatter, number=200):
-    """Bounces whose flights are known with noise, at random phases."""
+    """Bounces at random phases between flights known with noise."""
     rng = np.random.default_rng(7)
     lands = np.sort(rng.uniform(0.0, 20.0, number))
     leaves, towards = lands + lasting, rng.uniform(0.2, 0.8, number)
@@ -47,7 +47,7 @@ def bounces(lasting, scatter, number=200):
 @pytest.mark.parametrize("lasting", [0.0, 5e-4, 2e-3])
 @pytest.mark.parametrize("scatter", [0.0, 0.003, 0.012])
 def test_contact_and_scatter_are_found_and_bias_nothing(lasting, scatter):
-    """Four standard errors, and the one-sided limit of the scatter: nothing depends on luck."""
+    """Four standard errors, and the upper limit of the scatter: chance failures are negligible."""
     found = fit_base(bounces(lasting, scatter), 20.0, free=False, moves=True, contact=ANY)
     error = np.sqrt(np.diag(found.covariance))
     assert (np.abs(found.values[:3] - TRUTH) < 4.0 * error[:3]).all()
@@ -55,4 +55,4 @@ def test_contact_and_scatter_are_found_and_bias_nothing(lasting, scatter):
     assert error[-1] < 1e-4
     assert scatter <= found.scatter_limit < 1.3 * scatter + 2e-3
     assert found.problem.scatter == pytest.approx(scatter, abs=0.2 * scatter + 1e-3)
-    assert found.kept.mean() > 0.95
+    assert found.used.mean() > 0.95

@@ -7,7 +7,7 @@ from vibrosweep.lab.experiment import LABORATORY
 from vibrosweep.lab.flights import Samples, apparent_gravity
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts
 
-# m: up to thirty pixels; two particles are on a locked orbit, all bounces of which are alike
+# m: up to thirty pixels; two particles are on a locked orbit with equal bounces
 TILT = np.array([5e-4, -2e-3, 3e-3])
 
 
@@ -28,14 +28,16 @@ def test_a_tilt_changes_the_levels_alone(found, tilted, motion):
     for p in range(TILT.size):
         before = found["landing_time"].values[p, first[p]]
         after = again["landing_time"].values[p, second[p]]
-        # a tenth of a frame; some low bounces are seen in one of the two only
+        # a tenth of a frame; some low bounces are found in only one of the two
         apart = np.abs(after[:, np.newaxis] - before).min(axis=1)
         assert np.mean(apart < 0.1 / 240.0) > 0.95
     means = [np.nanmean(one["rebound_height"]) for one in (found, again)]
     assert means[1] == pytest.approx(means[0], rel=0.03)
 
 
-def test_heights_by_the_method_of_the_study_are_above_each_particle_s_level(irregular, tilted):
+def test_heights_by_the_method_of_the_study_are_relative_to_the_level_of_each_particle(
+    irregular, tilted
+):
     level, raised = (find_impacts(one, method="sign_change") for one in (irregular.tracks, tilted))
     means = [one["rebound_height"].mean("impact").values for one in (level, raised)]
     np.testing.assert_allclose(means[1], means[0], rtol=0.1)
@@ -46,8 +48,8 @@ def test_levels_that_agree_are_one(found):
     assert found.attrs["base"] == found["level"].values[0]
 
 
-def test_stays_between_flights_that_are_all_alike_are_no_low_level(trial):
-    """A particle rests in each period for a frame or two: its parabolas meet below the base."""
+def test_stays_between_equal_flights_are_not_a_low_level(trial):
+    """A particle rests for a frame or two in each period; its parabolas meet below the base."""
     film = trial(scene={**LABORATORY, "phase": 1.64}, particles=5, length=2.0)
     resting = np.isfinite(film.record.landing_time) & (film.record.rested == 1)
     assert 0 < resting.any(axis=1).sum() < 5
@@ -58,7 +60,7 @@ def test_stays_between_flights_that_are_all_alike_are_no_low_level(trial):
 
 
 def test_stays_after_every_flight_do_not_lower_the_base(trial):
-    """Flights of 1 mm, each followed by a rest of as long: their parabolas meet 1.7 mm below."""
+    """Flights of 1 mm, each followed by an equally long rest: parabolas meet 1.7 mm below."""
     scene = {**LABORATORY, "amplitude": 1.5 * 3.0 * 9.81 / (2.0 * np.pi * 20.0), "restitution": 0.5}
     film = trial(scene=scene, length=3.0)
     seen = find_impacts(film.tracks, frequency=20.0)
@@ -74,7 +76,7 @@ def test_stays_after_every_flight_do_not_lower_the_base(trial):
 
 
 def test_the_gravity_of_positions_in_whole_pixels_is_within_its_error():
-    """Flights of five frames at one phase have few values of curvature, and so has their median."""
+    """Flights of five frames at one phase have few distinct curvatures, and a coarse median."""
     frames, flights = np.arange(-2, 3) / 120.0, 300
     off = []
     for seed in range(40):
@@ -90,7 +92,7 @@ def test_the_gravity_of_positions_in_whole_pixels_is_within_its_error():
 
 
 def test_a_few_flights_before_long_rests_show_their_gravity(trial):
-    """Waves of noise between the low points of a rest are not flights, however they are curved."""
+    """Noise between the low points of a rest is not a flight, whatever its curvature."""
     scene = {**LABORATORY, "amplitude": 1.9 * 0.4 * 9.81 / (40.0 * np.pi), "phase": 1.83}
     scene["launch_velocity"] = 0.393
     film = trial(scene=scene, transient=0.0, length=6.0, seed=3)

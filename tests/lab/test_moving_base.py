@@ -1,4 +1,4 @@
-"""Recordings of a base that moves: the base that they favour, and its motion."""
+"""Recordings over a moving base: the favoured base, and its motion."""
 
 import math
 import re
@@ -38,7 +38,7 @@ def film(gamma, restitution, base="moving", transient=0.0, **changes):
 
 @pytest.fixture(scope="module")
 def chattering():
-    """Gamma 3, where particles chatter and ride on the base."""
+    """Gamma 3, where particles chatter and rest on the base."""
     return film(3.0, 0.5, variation=Variation(level_spread=5e-4))
 
 
@@ -56,7 +56,7 @@ def found(chattering):
         (1.5, 0.9, "high-bounce"),
     ],
 )
-def test_the_landings_favour_the_base_on_which_they_happened(gamma, restitution, base):
+def test_the_landings_favour_the_true_base(gamma, restitution, base):
     fitted = fit_tracks(film(gamma, restitution, base).tracks, G, Setup(frequency=FREQUENCY))
     assert fitted.favoured_base == {"moving": "moving", "high-bounce": "level"}[base]
     assert (fitted.flights.base_fit is None) == (base == "high-bounce")
@@ -71,7 +71,7 @@ def test_a_locked_orbit_favours_neither_base():
 
 
 def test_restitution_and_motion_of_the_base_within_their_errors(chattering, found):
-    """Five standard errors, each below a per cent: nothing here depends on luck."""
+    """Five standard errors, each below a per cent: chance failures are negligible."""
     one = estimate(found, frequency=FREQUENCY)
     truth = {"restitution": 0.5, "amplitude": 1.5 * 3.0 * G / OMEGA, "phase": PHASE}
     for name, value in truth.items():
@@ -107,7 +107,7 @@ def test_stays_on_the_base_are_no_flights_and_landings_are_finer_than_a_frame(ch
     off, error = np.concatenate(off), np.concatenate(error)
     assert off.size > 60
     assert np.sqrt(np.mean(off**2)) * 240.0 < 0.1
-    # 68 %, and three standard deviations of this share on either side
+    # 68 %, within three standard deviations of this share
     assert 0.5 < np.mean(off < error) < 0.86
 
 
@@ -137,7 +137,7 @@ def test_contacts_too_few_for_a_fit_are_refused(chattering):
 
 @pytest.mark.parametrize("transient", [0.0, 2.0])
 def test_an_unknown_frequency_is_found(transient):
-    """Its multiples, which also describe the few phases after a transient, are not taken for it."""
+    """Not one of its multiples, which also fit the few phases after a transient."""
     one = estimate(find_impacts(film(3.0, 0.5, transient=transient).tracks))
     own = one.sel(parameter="frequency")
     assert abs(float(own["estimate"]) - FREQUENCY) < 5.0 * float(own["error"])

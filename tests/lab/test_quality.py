@@ -1,4 +1,4 @@
-"""Faults of tracks are reported for each particle, and no flight spans them."""
+"""Defects of tracks are reported for each particle, and no flight spans them."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_gaps_lost_frames_and_a_particle_that_leaves(irregular, found):
     assert seen["gaps"].values.tolist() == [1, 0, 0]
     lines = "\n".join(remarks(seen))
     time = irregular.tracks["time"].values
-    assert "particle 0: 41 of its frames lost; 1 gaps across which no landing is sought" in lines
+    assert "particle 0: 41 of its frames lost; 1 gaps too long for finding a landing" in lines
     assert f"particle 1: leaves the view at {time[1499]:.3f} s" in lines
     assert f"particle 2: comes into view at {time[300]:.3f} s" in lines
     landed = seen["landing_time"].values
@@ -38,14 +38,14 @@ def test_gaps_lost_frames_and_a_particle_that_leaves(irregular, found):
 
 
 def exchangeable(height):
-    """Frames at which particles 0 and 1 fly 20 times the noise apart, and not near a landing."""
+    """Frames with particles 0 and 1 in flight, 20 times the noise apart, away from landings."""
     low = np.minimum(height[:, 0], height[:, 1])
     flying = np.minimum.reduce([low[:-4], low[1:-3], low[2:-2], low[3:-1]]) > 5e-4
     apart = np.abs(height[:, 0] - height[:, 1])[2:-2] > 2e-3
     return 2 + np.flatnonzero(flying & apart)
 
 
-def test_exchanged_names_are_found_while_both_fly_apart(irregular):
+def test_exchanged_names_are_found_if_both_particles_are_in_flight(irregular):
     """Nothing is found if no names were exchanged."""
     time, height = irregular.tracks["time"].values, irregular.tracks["height"].values
     assert find_swaps(time, height, 1.04e-4, 0.0, 9.81) == []
@@ -56,7 +56,7 @@ def test_exchanged_names_are_found_while_both_fly_apart(irregular):
         swapped = height.copy()
         swapped[frame:, :2] = height[frame:, 1::-1]
         hits += find_swaps(time, swapped, 1.04e-4, 0.0, 9.81) == [(frame, 0, 1)]
-    assert hits >= 37  # two limits of three standard deviations, each of which holds 99.7 %
+    assert hits >= 37  # two tests at three standard deviations, each with 99.7 %
 
 
 def test_no_landing_is_sought_across_an_exchange(irregular):

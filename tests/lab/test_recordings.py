@@ -1,4 +1,4 @@
-"""Tables in the dialects of other programs are read back to the same numbers."""
+"""Tables in the formats of other programs are read with the same numbers."""
 
 import io
 import wave
@@ -24,7 +24,7 @@ def fall(frames=40, rate=240.0):
 
 
 @st.composite
-def dialects(draw):
+def table_formats(draw):
     separator = draw(st.sampled_from([",", ";", "\t", " "]))
     return {
         "separator": separator,
@@ -44,12 +44,12 @@ def dialects(draw):
         "comment": draw(st.sampled_from(["", "# made by a program", "% 3 balls"])),
         "quoted": separator != " " and draw(st.booleans()),
         "clock": draw(st.sampled_from([0.0, 12.5, 50_000.0, 1_764_194_400.0])),
-        "beside": draw(st.booleans()),
+        "horizontal": draw(st.booleans()),
     }
 
 
 def text_of(how, time, height):
-    """Write a table in a dialect."""
+    """Format a table."""
 
     def cell(value):
         text = f"{value:.9f}"
@@ -58,7 +58,7 @@ def text_of(how, time, height):
 
     names, units = list(how["names"]), list(how["units"])
     columns = [time / FACTOR[units[0]], height / FACTOR[units[1]]]
-    if how["beside"]:
+    if how["horizontal"]:
         names.insert(1, "x")
         units.insert(1, units[1])
         columns.insert(1, columns[1] * 0.5)
@@ -81,15 +81,15 @@ def text_of(how, time, height):
 @settings(
     max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-@given(how=dialects())
-def test_tracks_in_any_dialect(tmp_path, how):
+@given(how=table_formats())
+def test_tracks_in_any_table_format(tmp_path, how):
     time, height = fall()
     path = tmp_path / "track.csv"
     path.write_bytes(text_of(how, time + how["clock"], height).encode())
     (found,) = read_recordings(path)
     np.testing.assert_allclose(found.time - how["clock"], time, atol=5e-7)
     np.testing.assert_allclose(found.height, height, atol=1e-9)
-    assert (found.horizontal is not None) == how["beside"]
+    assert (found.horizontal is not None) == how["horizontal"]
     assert found.scale_known
     assert found.rate_known
     tracks = read_tracks(path)
@@ -103,14 +103,14 @@ def test_tracks_in_any_dialect(tmp_path, how):
     max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_stamps_in_ms_and_lost_frames(tmp_path, rate, gaps, begin):
-    """The rate is found exactly, and giving it changes nothing."""
+    """The frame rate is found exactly, and giving it changes nothing."""
     time, height = fall(200, rate)
-    kept = np.setdiff1d(np.arange(200), sorted(gaps))
+    valid = np.setdiff1d(np.arange(200), sorted(gaps))
     path = tmp_path / "film.csv"
-    rows = zip(begin + time[kept], height[kept], strict=True)
+    rows = zip(begin + time[valid], height[valid], strict=True)
     path.write_text("time,height\n" + "".join(f"{t:.3f},{y:.7f}\n" for t, y in rows))
     (found,), (again,) = read_recordings(path), read_recordings(path, frame_rate=rate)
-    since = time[kept] - time[kept][0]
+    since = time[valid] - time[valid][0]
     np.testing.assert_allclose(found.time - found.time[0], since, atol=1e-9)
     np.testing.assert_allclose(again.time, found.time, atol=1e-9)
     assert read_tracks(path).attrs["frame_rate"] == pytest.approx(rate, rel=1e-8)
@@ -165,7 +165,7 @@ def workbook(sheets):
 
 
 def test_drops_side_by_side_on_sheets(tmp_path):
-    """An interval after the last time ends with one more impact."""
+    """The interval after the last time adds one more impact."""
     heads = ["Event time (s)", "Interval (s)", "", "Event time (s)", "Interval (s)"]
     rows = [[0.5, 0.7, "", 1.25, 0.5], [1.2, 0.6, "", 1.75, 0.25]]
     path = tmp_path / "drops.xlsx"
@@ -201,7 +201,7 @@ def read(tmp_path, text, **options):
     return read_recordings(path, **options)
 
 
-def test_long_tables_of_times_and_columns_that_compete(tmp_path):
+def test_long_tables_of_times_and_ambiguous_columns(tmp_path):
     text = "recording,impact,first_s,next_s\n" + "".join(
         f"drop_{d},{k},{d + 0.5 * k},{d + 0.5 * k + 0.001}\n" for d in (1, 2) for k in range(4)
     )
@@ -240,7 +240,7 @@ def test_trackmate_has_four_lines_of_heading_and_rows_in_any_order(tmp_path):
 
 @pytest.mark.parametrize("separator", ["\t", ",", " "])
 def test_mtrack_leaves_marks_out(tmp_path, separator):
-    """Blanks lose which column is empty; positions are then joined to the nearest before."""
+    """With blanks the empty column is unknown; positions are assigned to the nearest track."""
     rows = []
     for k in range(1, 41):
         ball = [f"{50.0 + k:.2f}", f"{100.0 + 6.0 * k:.3f}", "*" if k % 7 == 0 else " "]
@@ -318,11 +318,11 @@ def shaken(time, rate=20.0):
 @pytest.mark.parametrize("clock", [0.0, 1_764_194_400.0])
 def test_gaps_and_far_clocks_do_not_change_a_trace(tmp_path, share, clock):
     time = np.arange(0.0, 3.0, 1.0 / 480.0)
-    kept = np.random.default_rng(2).uniform(size=time.size) > share
+    valid = np.random.default_rng(2).uniform(size=time.size) > share
     path = tmp_path / "base.csv"
     rows = [
         f"{clock + t:.6f},{y:.7f}" if keep else f"{clock + t:.6f},"
-        for t, y, keep in zip(time, shaken(time), kept, strict=True)
+        for t, y, keep in zip(time, shaken(time), valid, strict=True)
     ]
     path.write_text("time,height\ns,m\n" + "\n".join(rows) + "\n\n")
     trace = read_trace(path)
@@ -363,7 +363,7 @@ def test_a_trace_in_g_states_its_unit_or_is_refused(tmp_path):
     max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(
-    how=dialects(),
+    how=table_formats(),
     edits=st.lists(
         st.tuples(st.floats(0, 1), st.binary(max_size=4), st.integers(0, 30)),
         min_size=1,

@@ -21,7 +21,7 @@ def clicks(times):
 
 @pytest.fixture(scope="module")
 def landed():
-    """Times of impacts at an acceleration of 2.5 of gravity."""
+    """Times of impacts at Gamma = 2.5."""
     found = vs.simulate(**SHAKEN, amplitude=0.35, launch_velocity=0.6, duration=10.0)
     times = found["landing_time"].values.ravel()
     return times[np.isfinite(times)]
@@ -42,7 +42,7 @@ def test_times_give_restitution_frequency_acceleration_and_phase(landed):
     assert any("Hz, acceleration" in line for line in restitution_lines(found))
 
 
-def test_the_restitution_of_a_floor_says_that_the_base_may_shake(landed):
+def test_restitution_on_a_floor_warns_of_a_shaken_base(landed):
     locked = np.arange(40) * 0.05
     for times, shakes in (
         (landed[3:43], True),
@@ -63,7 +63,7 @@ def test_missed_and_false_clicks_are_left_out(landed):
     assert "left out" in found.attrs["remarks"]
 
 
-def test_a_locked_orbit_fixes_one_relation_and_this_is_said():
+def test_a_locked_orbit_determines_one_relation_which_is_reported():
     times = np.arange(40) * 0.05 + 1e-5 * np.random.default_rng(3).standard_normal(40)
     try:
         text = times_on_shaker([clicks(times)], frequency=20.0).attrs["warning"]
@@ -73,7 +73,7 @@ def test_a_locked_orbit_fixes_one_relation_and_this_is_said():
     assert "0.2453 m/s" in text  # g T / 2
 
 
-def test_chance_times_are_no_orbit():
+def test_random_times_are_not_an_orbit():
     with pytest.raises(TrackError):
         times_on_shaker([clicks(np.cumsum(np.random.default_rng(4).uniform(0.02, 0.2, 40)))],
                         frequency_range=(15.0, 25.0))  # fmt: skip
@@ -89,7 +89,7 @@ def test_chance_times_are_no_orbit():
         (np.arange(40) * 0.05, {"gravity": 0.0}, "gravity"),
     ],
 )
-def test_what_cannot_be_is_refused(times, how, message):
+def test_invalid_input_is_refused(times, how, message):
     with pytest.raises((TrackError, ParameterError), match=message):
         times_on_shaker([clicks(times)], **how)
 

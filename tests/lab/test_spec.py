@@ -63,12 +63,12 @@ def test_all_mistakes_at_once(read):
     assert 'did you mean "frame_rate"' in str(caught.value)
 
 
-def test_the_window_of_a_recording_stands_where_a_sweep_has_it(read):
+def test_the_window_of_a_recording_has_the_same_keys_as_in_a_sweep(read):
     with pytest.raises(SpecError) as caught:
         read("[trials]\ntransient = 2.0\nduration = 4.0\n")
-    said = str(caught.value)
-    assert "it belongs in [measure]" in said
-    assert "it belongs in [scene]" in said
+    message = str(caught.value)
+    assert "it belongs in [measure]" in message
+    assert "it belongs in [scene]" in message
     (one,) = read("[scene]\nduration_periods = 200\n[measure]\ntransient = 2.0\n").experiments
     assert one.window == (2.0, 10.0)
 
@@ -86,7 +86,7 @@ def test_files_without_an_experiment_are_refused(read, text):
         read(text)
 
 
-def test_a_scene_names_its_base_and_any_of_the_forcings(read):
+def test_a_scene_has_any_base_and_forcing(read):
     (one,) = read('[scene]\nbase = "moving"\nbase_acceleration = 1.5\n').experiments
     assert one.scene.base == "moving"
     numbers = one.parameters

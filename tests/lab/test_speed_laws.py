@@ -1,4 +1,4 @@
-"""Dependence of restitution on the speed of impact: the law that bounces favour, on both bases."""
+"""Dependence of restitution on impact speed: the favoured law over both bases."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import ParameterError
-from vibrosweep.lab.base_fit import FAR, FittedLaw, Law, failed_fit, law_text, laws_left
+from vibrosweep.lab.base_fit import FAR, FittedLaw, Law, failed_fit, law_text, possible_laws
 from vibrosweep.lab.compare import compare_tracks
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment
@@ -24,7 +24,7 @@ SPEED = {"moving": 0.3, "level": 0.2}
 
 
 def film(base, law, seed=0):
-    """A film of three particles whose restitution has this law."""
+    """A film of three particles with a given law of restitution."""
     scene = {**LABORATORY, **SCENES[base], "phase": 0.3}
     scene["base"] = "moving" if base == "moving" else "high-bounce"
     if law != "constant":
@@ -47,7 +47,7 @@ def test_bounces_determine_the_law_of_their_restitution(base, law):
     assert abs(e - truth) < 5.0 * float(fitted["law_restitution_error"]) < 0.03
     if law == PLASTIC:
         assert abs(speed - SPEED[base]) < 5.0 * float(fitted["law_speed_error"]) < 0.03
-    # all parameters are those of the law; those of a constant restitution would be off
+    # all parameters are those of the law; those of a constant restitution would be biased
     values = {**SCENES[base], "phase": 0.3, "restitution_speed": SPEED[base], "restitution": truth}
     if base == "moving":  # A = (1 + e) V0
         values["amplitude"] *= (1.0 + truth) / (1.0 + SCENES[base]["restitution"])
@@ -72,7 +72,7 @@ def test_a_law_is_found_where_no_constant_restitution_describes_the_bounces(freq
 
 
 def test_a_recording_is_compared_with_the_law_of_its_bounces_or_a_given_one():
-    """With a constant restitution the height of this film comes out 39 % off."""
+    """With a constant restitution the error of the height would be 39 %."""
     tracks = film("level", VISCOELASTIC, seed=2)
     other = {"frequency": FREQUENCY, "contact_time": LABORATORY["contact_time"], "threads": 1}
     table = compare_tracks(tracks, motion="level", draws=4, **other)
@@ -107,7 +107,7 @@ def test_impossible_laws_are_refused(irregular, known, message):
         compare_tracks(irregular.tracks, **known)
 
 
-def test_laws_are_left_open_unless_most_bounces_speak_against_them():
+def test_laws_are_ruled_out_only_by_most_of_the_bounces():
     rng = np.random.default_rng(0)
 
     def fit(name, distance):
@@ -116,15 +116,15 @@ def test_laws_are_left_open_unless_most_bounces_speak_against_them():
 
     same = rng.chisquare(2.0, 200)
     fits = [fit("constant", same), fit(PLASTIC, same), fit(VISCOELASTIC, same + 1e-3)]
-    # a law is ruled out if it is farther off, or if its additional parameter gains nothing
-    assert laws_left(fits) == ["constant"]
+    # a law is ruled out if it fits worse, or if its additional parameter does not help
+    assert possible_laws(fits) == ["constant"]
     noisy = [fit("constant", same), fit(VISCOELASTIC, rng.chisquare(2.0, 200))]
-    assert len(laws_left(noisy)) == 2
+    assert len(possible_laws(noisy)) == 2
     few = same.copy()
     few[:3] += FAR
-    assert len(laws_left([fit("constant", few), fit(VISCOELASTIC, same)])) == 2
+    assert len(possible_laws([fit("constant", few), fit(VISCOELASTIC, same)])) == 2
     lost = [fit("constant", same), failed_fit(Law(PLASTIC, 1.0), 200)]
-    assert laws_left(lost) == ["constant", PLASTIC]
+    assert possible_laws(lost) == ["constant", PLASTIC]
 
 
 @pytest.mark.parametrize("law", [PLASTIC, VISCOELASTIC])

@@ -47,7 +47,7 @@ def test_plain_csv_by_particle_or_by_frame(write, order):
     same(read_tracks(write(long(["time", "particle", "height"], order).to_csv(index=False))))
 
 
-def test_trackpy_rows_of_pixels_point_down(write):
+def test_trackpy_pixel_rows_increase_downwards(write):
     """As trackpy writes them: an index, more columns, rows of pixels from the top."""
     table = pd.DataFrame(
         {
@@ -97,7 +97,7 @@ def test_tracker_masses_side_by_side_with_units_and_lost_positions(write):
     assert tracks["particle"].values.tolist() == ["mass A", "mass B"]
 
 
-def test_a_video_in_slow_motion_is_brought_to_its_rate(write):
+def test_slow_motion_is_rescaled_to_the_frame_rate(write):
     table = long(["time", "particle", "height"])
     table["time"] *= 8.0  # 240 frames per second, played and exported at 30
     path = write(table.to_csv(index=False))

@@ -11,7 +11,7 @@ from vibrosweep.lab.tracks import make_tracks, table_to_tracks
 
 @pytest.fixture(scope="module")
 def sound(irregular):
-    """Times (s) and heights (m) of a sound recording."""
+    """Times (s) and heights (m) of a valid recording."""
     return irregular.tracks["time"].values, irregular.tracks["height"].values
 
 

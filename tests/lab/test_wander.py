@@ -1,4 +1,4 @@
-"""Landings under a forcing whose phase wanders, and those of the engine where it does not."""
+"""Landings under phase noise, and equality with the engine without it."""
 
 import os
 import subprocess
@@ -25,7 +25,9 @@ def landings(parameters, walk, particles=4, duration=5.0, **scene):
 
 
 @pytest.mark.parametrize("amplitude", [0.02, 0.06, 0.12])
-def test_without_wander_it_is_the_engine_to_the_last_bit(amplitude, parameters, observe, workers):
+def test_without_phase_noise_results_are_bitwise_those_of_the_engine(
+    amplitude, parameters, observe, workers
+):
     found = landings(parameters, np.zeros(2), amplitude=amplitude)
     observation = observe("staggered", particles=4, duration=5.0, transient=-np.inf)
     scene = parameters(**{**LABORATORY, "amplitude": amplitude})
@@ -34,8 +36,8 @@ def test_without_wander_it_is_the_engine_to_the_last_bit(amplitude, parameters, 
         np.testing.assert_array_equal(values, engine[name][0])
 
 
-def test_impacts_feel_the_phase_that_has_wandered(parameters):
-    """Every bounce obeys the map with the phase of the walk, found here by interpolation."""
+def test_impacts_depend_on_the_wandering_phase(parameters):
+    """Every bounce obeys the map with the interpolated phase of the walk."""
     jitter, frequency = 0.02, LABORATORY["frequency"]
     walk = phase_walk(np.random.default_rng(3), jitter, 110)
     found = landings(parameters, walk, frequency=frequency)
@@ -69,7 +71,7 @@ def test_the_walk_has_the_given_variance():
 
 
 def test_plain_python_gives_the_same_bits(parameters, tmp_path):
-    """With the compiler switched off, for a small case with bounces and rests."""
+    """Without compilation, for a small case with bounces and rests."""
     walk = phase_walk(np.random.default_rng(5), 0.01, 20)
     found = landings(parameters, walk, particles=2, duration=0.5, amplitude=0.03)
     assert (found.rested == 1).any()

@@ -13,7 +13,7 @@ from vibrosweep.lab.base_fit import (
     Oscillation,
     _preferred,
     is_improbable,
-    spread_of_influences,
+    robust_covariance,
 )
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
@@ -26,8 +26,8 @@ from vibrosweep.lab.trials import perform_trials
 G = LABORATORY["gravity"]
 NAMES = ("restitution", "amplitude", "frequency", "phase", "launch_velocity")
 # Films of irregular motion with bounces too low for the camera: base, parameters of `NAMES`,
-# transient, frames per second, noise and seed.  Once, their landings were attributed to the other
-# base, with a restitution above 1 (the first two), or to another scale (the others).
+# transient, frames per second, noise and seed.  Earlier versions attributed their landings to the
+# other base, with a restitution above 1 (the first two), or to another scale (the others).
 HARD = {
     "low bounces": (
         "high-bounce",
@@ -68,7 +68,7 @@ def film(base, values, rest, **changes):
 
 
 def fitted_base(distance, restitution=0.8, error=0.01):
-    """A base fitted to contacts at these squared distances from it."""
+    """A base fit with given squared distances of its contacts."""
     one = np.ones(1)
     return BaseFit(
         values=np.array([restitution, 0.1, 0.0, 0.0]),
@@ -77,7 +77,7 @@ def fitted_base(distance, restitution=0.8, error=0.01):
         problem=None,
         particles=np.zeros(1, np.intp),
         levels=0.0 * one,
-        kept=np.ones(distance.size, bool),
+        used=np.ones(distance.size, bool),
         misfit=1.0,
         freedom=2 * distance.size,
         distance=distance,
@@ -126,7 +126,7 @@ def test_most_bounces_decide_both_ways_unless_the_base_is_unphysical(share, many
 
 
 def test_bases_that_differ_by_noise_alone_are_decided_at_the_stated_rate():
-    """Three standard deviations, both ways: 0.27 % of 4000 sets of independent contacts."""
+    """Three standard deviations, two-sided: 0.27 % of 4000 sets of independent contacts."""
     rng = np.random.default_rng(0)
     decisions = [
         _preferred(*(fitted_base(np.minimum(d, FAR)) for d in rng.chisquare(2.0, (2, 120))))
@@ -135,7 +135,7 @@ def test_bases_that_differ_by_noise_alone_are_decided_at_the_stated_rate():
     assert 1 <= 4000 - decisions.count("undetermined") <= 30
 
 
-def test_a_restitution_outside_its_range_is_never_stated_as_found():
+def test_a_restitution_outside_its_range_is_never_reported_as_result():
     base, values, rest = HARD["low bounces"]
     found = find_impacts(film(base, values, rest), motion="level")
     shaken = xr.Dataset(
@@ -161,7 +161,7 @@ def test_a_restitution_outside_its_range_is_never_stated_as_found():
 @pytest.mark.parametrize("base", ["high-bounce", "moving"])
 @pytest.mark.parametrize("error", [-0.15, 0.12, 0.3, -0.3])
 def test_the_whole_correction_of_a_scale_is_limited(base, error):
-    """All corrections together are limited to a fifth, in however many rounds they are made."""
+    """The total correction is limited to a fifth, however many rounds contribute."""
     plan = (0.85, 0.2, 20.0, 0.3, 0.3), (0.0, 240.0, 5e-5, 3)
     tracks = film(base, *plan, scale_error=error)
     if abs(error) > 0.2:
@@ -174,7 +174,7 @@ def test_the_whole_correction_of_a_scale_is_limited(base, error):
 
 
 def test_residuals_larger_than_noise_widen_the_errors_and_are_reported():
-    """Restitutions that differ among the particles, measured as if they did not."""
+    """Restitutions that differ among particles, fitted by a common one."""
     scene = {**LABORATORY, "restitution": 0.7, "amplitude": 0.2}
     plan = Experiment(
         **scene,
@@ -194,7 +194,7 @@ def test_residuals_larger_than_noise_widen_the_errors_and_are_reported():
 
 @given(seed=st.integers(0, 2**32 - 1), wide=st.floats(2.0, 10.0))
 def test_errors_from_residuals_are_right_if_the_noise_differs_from_the_assumed_one(seed, wide):
-    """A regression with wider noise at the ends is compared with its exact covariance."""
+    """A regression with larger noise at the ends is compared with its exact covariance."""
     rng = np.random.default_rng(seed)
     x = np.linspace(-1.0, 1.0, 200)
     slopes = np.stack([np.ones_like(x), x], axis=1)
@@ -203,7 +203,7 @@ def test_errors_from_residuals_are_right_if_the_noise_differs_from_the_assumed_o
     noise = width * rng.standard_normal(x.size)
     residual = noise - slopes @ inverse @ (slopes.T @ noise)
     exact = inverse @ (slopes.T * width**2) @ slopes @ inverse
-    found = spread_of_influences(residual, slopes, inverse)
+    found = robust_covariance(residual, slopes, inverse)
     assert 0.5 < found[1, 1] / exact[1, 1] < 1.9
     misfit = float(residual @ residual) / (x.size - 2)
     assert is_improbable(misfit, x.size - 2)

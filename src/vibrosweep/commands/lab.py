@@ -1,4 +1,4 @@
-"""``vibrosweep lab``: camera tracks to landings, and to a comparison with prediction."""
+"""``vibrosweep lab``: measure bouncing balls in films and recordings of impacts."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from vibrosweep.store.reading import ResultKind
 
 
-# Options that are physical parameters of a scene
+# Options for physical parameters of a scene
 PHYSICAL: Final = (
     *("gravity", "frequency", "restitution", "amplitude", "phase", "contact_time"),
     "restitution_speed",
@@ -40,7 +40,7 @@ PHYSICAL: Final = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of the command and of its parts."""
+    """Add the arguments of the command and its subcommands."""
     parts = parser.add_subparsers(title="parts", metavar="PART", required=True)
 
     def part(name: str, words: str, example: str) -> argparse.ArgumentParser:
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     impacts = part(
         "impacts",
-        "find the landings of tracks, or measure a shaken base from their times",
+        "find the landings in tracks, or measure a shaken base from times of impacts",
         "track.csv --frequency 20 -o impacts.h5",
     )
     _add_tracks(impacts)
@@ -73,15 +73,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--contact",
         metavar="S",
         type=_range,
-        help="length of a contact with a moving base, or a range LOW:HIGH; default: 0",
+        help="contact time over a moving base, or a range LOW:HIGH; default: 0",
     )
-    impacts.add_argument("--frequency", metavar="HZ", type=float, help="frequency of the forcing")
+    impacts.add_argument("--frequency", metavar="HZ", type=float, help="forcing frequency")
     impacts.add_argument(
         "--phase", metavar="RAD", type=float, default=0.0, help="phase of the forcing at t = 0"
     )
     impacts.set_defaults(part=_impacts)
 
-    words = "measure a ball on a floor at rest"
+    words = "measure the restitution of a ball on a floor at rest"
     _add_restitution(part("restitution", words, "drop1.csv drop2.csv --scale gravity"))
 
     compare = part("compare", "compare tracks with prediction", "trial*.csv --frequency 20")
@@ -95,14 +95,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     compare.add_argument("--restitution-speed", metavar="M/S", type=float, help="its speed")
     compare.add_argument("--contact-time", metavar="S", type=float, help="default: 1e-4")
     compare.add_argument(
-        "--draws", metavar="N", type=positive, default=64, help="parameter sets drawn; default: 64"
+        "--draws",
+        metavar="N",
+        type=positive,
+        default=64,
+        help="number of random parameter sets; default: 64",
     )
-    compare.add_argument("--seed", metavar="S", type=whole, default=0, help="seed; default: 0")
+    compare.add_argument(
+        "--seed", metavar="S", type=whole, default=0, help="random seed; default: 0"
+    )
     compare.set_defaults(part=_compare)
 
 
 def _range(text: str) -> float | tuple[float, float]:
-    """Read a number, or two with a colon between them."""
+    """Read a number, or two separated by a colon."""
     try:
         low, *high = map(float, text.split(":"))
     except ValueError:
@@ -127,18 +133,18 @@ def _add_restitution(parser: argparse.ArgumentParser) -> None:
         "tracks", metavar="FILES", type=Path, nargs="+", help="films, or times of impacts"
     )
     for name, unit, words in (
-        ("drop-height", "M", "height of the drops, so that the first fall counts"),
-        ("contact", "S", "length of a contact; default: 0.0002:0.005"),
+        ("drop-height", "M", "drop height, to use the first fall too"),
+        ("contact", "S", "contact time; default: 0.0002:0.005"),
         ("gravity", "G", "m/s^2; default: 9.81"),
     ):
         default = 9.81 if name == "gravity" else None
         text = f"{words}; a number, or a range LOW:HIGH"
         parser.add_argument(f"--{name}", metavar=unit, type=_range, default=default, help=text)
     for name, unit, words in (
-        ("mass", "KG", "mass of the ball, for its drag in air"),
+        ("mass", "KG", "mass of the ball, for drag in air"),
         ("diameter", "M", "its diameter"),
         ("frame-rate", "HZ", "frames per second of the camera"),
-        ("from", "S", "start of the part that is used"),
+        ("from", "S", "start of the part to use"),
         ("to", "S", "its end"),
     ):
         parser.add_argument(f"--{name}", metavar=unit, type=float, help=words)
@@ -157,9 +163,11 @@ def _add_restitution(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_tracks(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("tracks", metavar="TRACKS", type=Path, nargs="+", help="one recording each")
     parser.add_argument(
-        "--together", action="store_true", help="all files hold particles of one recording"
+        "tracks", metavar="TRACKS", type=Path, nargs="+", help="files, one recording each"
+    )
+    parser.add_argument(
+        "--together", action="store_true", help="all files are particles of one recording"
     )
     parser.add_argument("--frame-rate", metavar="HZ", type=float, help="frames per second")
     parser.add_argument("--scale", metavar="M", type=float, help="metres per unit of the file")
@@ -178,13 +186,13 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
         help="measured height or acceleration of the base",
     )
     parser.add_argument(
-        "--column", metavar="NAME", help="column of the trace, else of the tracks, with its values"
+        "--column", metavar="NAME", help="column of values in the trace, or else in the tracks"
     )
     for name in ("particle", "sheet"):
         parser.add_argument(f"--{name}", metavar="NAME", help=f"{name} to read")
     parser.add_argument("--base-track", metavar="NAME", help="particle that is a mark on the base")
     parser.add_argument(
-        "--exposure", metavar="S", type=float, default=0.0, help="of a frame; default: 0"
+        "--exposure", metavar="S", type=float, default=0.0, help="exposure time; default: 0"
     )
     parser.add_argument(
         "--gravity", metavar="G", type=float, default=9.81, help="m/s^2; default: 9.81"
@@ -193,7 +201,7 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
         "--method",
         choices=("fit", "sign_change"),
         default="fit",
-        help="parabolas, or the frame at which the velocity changes sign; default: fit",
+        help="intersect parabolas, or find the sign change of the velocity; default: fit",
     )
     parser.add_argument(
         "-o", "--output", metavar="OUT.h5", type=output_file, help="result file to write"
@@ -221,7 +229,7 @@ def _synthesize(options: argparse.Namespace) -> None:
 
 
 def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
-    """Read the tracks; refuse impossible options before anything is computed."""
+    """Check the options, and read the tracks."""
     from vibrosweep.lab.recordings import read_tracks
     from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
     from vibrosweep.store.disk import check_output
@@ -250,7 +258,7 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
 
 
 def _setup(options: argparse.Namespace) -> Setup:
-    """Return what the options say about the recordings."""
+    """Return the information about the recordings in the options."""
     from vibrosweep.lab.fitting import Setup
     from vibrosweep.lab.impacts import contact_of
     from vibrosweep.lab.traces import read_trace
@@ -277,9 +285,9 @@ def _lists_of_times(options: argparse.Namespace) -> list[list[Recording]] | None
     try:
         lists = [read_recordings(group, column=column, **how) for group in groups]
     except TrackError:
-        return None  # the reader of tracks has said what is wrong
-    heard = [recording.height is None for one in lists for recording in one]
-    return lists if heard and all(heard) else None
+        return None  # the reader of tracks has reported the error
+    timed = [recording.height is None for one in lists for recording in one]
+    return lists if timed and all(timed) else None
 
 
 def _impact_times(options: argparse.Namespace, lists: list[list[Recording]]) -> None:
@@ -309,7 +317,7 @@ def _impact_times(options: argparse.Namespace, lists: list[list[Recording]]) -> 
 
         return restitution_by_speed(found)
 
-    _keep(options, found, RESTITUTION, draw, RESTITUTION.stem)
+    _write_result(options, found, RESTITUTION, draw, RESTITUTION.stem)
 
 
 def _impacts(options: argparse.Namespace) -> None:
@@ -347,7 +355,7 @@ def _impacts(options: argparse.Namespace) -> None:
 
         return fitted_track(flights_of(tracks, fitted))
 
-    _keep(options, found, IMPACTS, draw, "lab_track")
+    _write_result(options, found, IMPACTS, draw, "lab_track")
 
 
 def _compare(options: argparse.Namespace) -> None:
@@ -371,7 +379,7 @@ def _compare(options: argparse.Namespace) -> None:
         table = compare(recordings, how, workers)
     say(options, *table_lines(table))
     tell(options, numbers_of(table))
-    _keep(options, table, COMPARISON, lambda: COMPARISON.axes(table), COMPARISON.stem)
+    _write_result(options, table, COMPARISON, lambda: COMPARISON.axes(table), COMPARISON.stem)
 
 
 def _restitution(options: argparse.Namespace) -> None:
@@ -406,7 +414,7 @@ def _restitution(options: argparse.Namespace) -> None:
 
         return restitution_by_speed(found)
 
-    _keep(options, found, RESTITUTION, draw, RESTITUTION.stem)
+    _write_result(options, found, RESTITUTION, draw, RESTITUTION.stem)
     if options.figures is not None and "sample_time" in found:
         from vibrosweep.figures.laboratory import film_of_drop
         from vibrosweep.figures.registry import save_formats
@@ -416,14 +424,14 @@ def _restitution(options: argparse.Namespace) -> None:
             save_formats(for_file(lambda: film_of_drop(found)), options.figures, "lab_drop_film")
 
 
-def _keep(
+def _write_result(
     options: argparse.Namespace,
     result: xr.Dataset,
     kind: ResultKind,
     draw: Callable[[], Axes | Panels],
     stem: str,
 ) -> None:
-    """Write a result and draw its figure, if the options request them."""
+    """Write a result and its figure, if requested."""
     if options.output is not None:
         from vibrosweep.store.writing import write_dataset
 

@@ -1,4 +1,4 @@
-"""Landings, estimated parameters and a comparison with prediction, from camera tracks of particles.
+"""Coefficient of restitution and motion of the base from films and impact times of bouncing balls.
 
 An `Experiment` describes a virtual experiment, whose landings are known; `perform_trials` films it.
 """

@@ -1,4 +1,4 @@
-"""Flights through air, and what is known of a ball beside its recordings."""
+"""Flights through air, and inputs known independently of the recordings."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ __all__ = ["BallInputs", "Bounces", "Input"]
 # -----------------------------------------------------------------------------
 # Flights through air: the drag grows with the square of the speed.
 #
-# A flight begins and ends at the same level.  `gravity` is its acceleration at rest, `drag` is
-# 1/v^2 of the terminal speed v; it may be negative, as the estimate of a drag that is near zero
-# may be. All formulas are exact.
+# A flight begins and ends at the same level.  `gravity` is the acceleration at speed 0, `drag` is
+# 1/v^2 for the terminal speed v; an estimate of a drag near zero may be negative.  All formulas are
+# exact.
 
-LEAST_DRAG: Final = 1e-7  # s2 m-2 at a speed of 1: below, differences of nearly equal numbers
+LEAST_DRAG: Final = 1e-7  # s2 m-2 at 1 m/s; a smaller drag causes cancellation
 AIR: Final = 1.2  # density, kg m-3
 # Drag coefficient of a smooth ball at 1e3 < Re < 2e5, and its relative standard deviation
 COEFFICIENT: Final = (0.47, 0.2)
 
 
 def drag_of_ball(mass: float, diameter: float) -> tuple[float, float]:
-    """Return the drag (s2 m-2) of a ball of this mass (kg) and diameter (m), and its error."""
+    """Return the drag (s2 m-2) of a ball of given mass (kg) and diameter (m), and its error."""
     value, spread = COEFFICIENT
     drag = value * AIR * np.pi * diameter**2 / 8.0 / (mass * 9.81)
     return drag, spread * drag
 
 
 def _root(drag: float, speed: float) -> complex:
-    """Return the root of the drag, which is kept away from 0; the forms are even in it."""
+    """Return the square root of the drag, bounded away from 0; the formulas are even in it."""
     least = LEAST_DRAG / max(speed, 1e-100) ** 2
     return complex(drag if abs(drag) > least else np.copysign(least, drag)) ** 0.5
 
 
 def flight_of(nominal: Array, gravity: float, drag: float) -> tuple[Array, Array, Array, Array]:
-    """Return the speeds at lift-off and at arrival, and the times of rise and of fall.
+    """Return the speeds at lift-off and at impact, and the times of rise and of fall.
 
     The flights rise by ``nominal**2 / (2 gravity)``.
     """
@@ -55,7 +55,7 @@ def flight_of(nominal: Array, gravity: float, drag: float) -> tuple[Array, Array
 
 
 def nominal_of(duration: Array, gravity: float, drag: float) -> Array:
-    """Return the nominal speeds of flights that last as long as stated."""
+    """Return the nominal speeds of flights of given durations (s)."""
     v = 0.5 * gravity * np.asarray(duration, np.float64)
     for _ in range(8):
         _, _, rise, fall = flight_of(v, gravity, drag)
@@ -64,7 +64,7 @@ def nominal_of(duration: Array, gravity: float, drag: float) -> Array:
 
 
 def drop_from_apex(since: Array, gravity: float, drag: float) -> Array:
-    """Return how far below its apex a ball is at times since then, negative before."""
+    """Return the distance below the apex at times relative to it (negative before)."""
     since = np.asarray(since, np.float64)
     root = _root(drag, gravity * float(np.max(np.abs(since), initial=0.0)))
     x = gravity * root * since
@@ -74,27 +74,27 @@ def drop_from_apex(since: Array, gravity: float, drag: float) -> Array:
 
 
 # -----------------------------------------------------------------------------
-# What is known of a ball beside its recordings, and the bounces that a recording yields.
+# Inputs known independently of the recordings, and the bounces that a recording yields.
 
 
 class Input(NamedTuple):
-    """A number that is known with an error."""
+    """A quantity with its standard error."""
 
     value: float
     error: float = 0.0
-    ends: tuple[float, float] | None = None  # of a range, in which it is even in the logarithm
+    ends: tuple[float, float] | None = None  # of a range with a log-uniform prior
 
 
-# Contact of any ball: 0.2 to 5 ms; drag of any ball: terminal speeds of 10 to 100 m/s
+# Default ranges: contact times of 0.2 to 5 ms, terminal speeds of 10 to 100 m/s
 CONTACT: Final = (2e-4, 5e-3)
 DRAG: Final = (1e-4, 1e-2)
 GRAVITY: Final = Input(9.81)
-# A contact lasts as long as (impact speed)^-p: p is 0 for a linear spring, 0.2 for Hertz's contact
+# Contact time scales as (impact speed)^-p: p = 0 for a linear spring, 0.2 for a Hertzian contact
 POWER: Final = Input(0.1, 0.1)
 
 
 def from_range(low: float, high: float) -> Input:
-    """Return mean and standard deviation between two positive numbers, evenly in the logarithm."""
+    """Return mean and standard deviation of a log-uniform distribution between two numbers."""
     if not low < high:
         return Input(low)
     mean = (high - low) / np.log(high / low)
@@ -102,7 +102,7 @@ def from_range(low: float, high: float) -> Input:
     return Input(mean, error, (low, high))
 
 
-# What can be stated of a ball: contact in s, mass in kg, lengths in m, gravity in m s-2
+# Ranges of the inputs: contact time in s, mass in kg, lengths in m, gravity in m s-2
 ALLOWED: Final = {
     "contact": (1e-9, 0.1),
     "mass": (1e-6, 1e3),
@@ -113,7 +113,7 @@ ALLOWED: Final = {
 
 
 def given(name: str, value: float | tuple[float, float]) -> Input:
-    """Turn a number or a range of positive numbers into an input."""
+    """Check a number or a range of positive numbers, and return it as an input."""
     least, most = ALLOWED[name]
     try:
         low, high = map(float, value if isinstance(value, tuple | list) else (value, value))
@@ -129,10 +129,10 @@ def given(name: str, value: float | tuple[float, float]) -> Input:
 
 @dataclass(frozen=True)
 class BallInputs:
-    """Inputs of a measurement of restitution: contact in s, drag in s2 m-2, gravity in m s-2."""
+    """Inputs of a measurement: contact time in s, drag in s2 m-2, gravity in m s-2."""
 
     contact: Input = field(default_factory=lambda: from_range(*CONTACT))
-    drag: Input | None = None  # of times 0, of films any ball's, if it is not stated
+    drag: Input | None = None  # if None: zero for impact times, the default range for films
     gravity: Input = GRAVITY
     drop_height: Input | None = None
     scale_from_gravity: bool = False
@@ -145,7 +145,7 @@ def ball_inputs(
     gravity: float | tuple[float, float],
     drop_height: float | tuple[float, float] | None,
 ) -> BallInputs:
-    """Check the inputs that a user states."""
+    """Check the inputs given by the user."""
     if (mass is None) != (diameter is None):
         missing = "mass" if mass is None else "diameter"
         raise ParameterError(
@@ -164,27 +164,27 @@ def ball_inputs(
 
 
 class Bounces(NamedTuple):
-    """The bounces of a drop, with what their errors have in common.
+    """The bounces of a drop, with the covariance of their errors.
 
-    Values that depend on inputs were computed with the means of the inputs.
+    Values that depend on inputs are evaluated at the means of the inputs.
     """
 
     name: str
     restitution: Array  # (bounce,)
-    speed: Array  # speed of impact, m s-1; only relative where `speed_known` is false
+    speed: Array  # impact speed, m s-1; in arbitrary units if `speed_known` is false
     time: Array  # s, as in the recording
-    # Covariance of the restitutions and then of what the recording itself says about inputs
+    # Covariance of the restitutions, then of the inputs that the recording itself determines
     fixed: Array  # (row, row)
-    timing: Array  # (row, row) for a standard deviation of 1 s of the click times
-    inputs: dict[str, Array]  # what each row gains where an input is larger by one unit
-    found: dict[str, float]  # deviation of each input that the recording measures from its mean
+    timing: Array  # (row, row) for a timing error of 1 s (standard deviation)
+    inputs: dict[str, Array]  # change of each row if the true input is larger by one unit
+    found: dict[str, float]  # measured less mean value of each input that the recording determines
     speed_known: bool
     gravity: Input | None  # apparent, in units of the file per s2
     remarks: tuple[str, ...]
-    group: str = ""  # of drops that belong together
-    # Of times: derivatives by the clicks (row, click); the interval before each bounce, infinite
-    # for a first fall, and the median one; the step to which clicks are rounded; the same bounces
-    # linearized about clicks that are moved and other values of the inputs
+    group: str = ""  # name of a group of drops that are pooled
+    # For impact times: derivatives by the clicks (row, click); the interval before each bounce,
+    # infinite for a first fall, and the median interval; the time resolution; a function that
+    # linearizes the same bounces about shifted clicks and other values of the inputs
     clicks: Array | None = None
     before: Array | None = None
     middle: float = 1.0

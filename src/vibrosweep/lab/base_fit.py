@@ -1,4 +1,4 @@
-"""Motion of the base and restitution, fitted to contacts: where neighbouring flights meet."""
+"""Motion of the base and restitution, fitted to contacts, where successive flights meet."""
 
 from __future__ import annotations
 
@@ -39,19 +39,19 @@ from vibrosweep.model.restitution_laws import (
 
 TWO_PI: Final = 2.0 * np.pi
 FEWEST: Final = 10  # bounces that an estimate needs
-# Most seconds of a recording, and most bounces, with which the frequency is scanned; the step is a
-# quarter of the width of the minimum.
+# Longest time (s) and largest number of bounces of the frequency scan; its step is a quarter of the
+# width of the minimum.
 SCAN_SECONDS: Final = 10.0
 SCAN_BOUNCES: Final = 1000
 SUBHARMONICS: Final = (2, 3, 4, 5)
-# Standard errors by which a restitution may lie outside its range
+# Standard errors by which a restitution may exceed its range
 UNPHYSICAL: Final = 3.0
-# Standard deviations by which the mean difference of squared distances must differ from zero: with
-# independent data that favour neither model, one recording in 370 would be decided.
+# Threshold of Vuong's test in standard deviations: with independent data that favour neither model,
+# one recording in 370 would be decided.
 DECIDED: Final = 3.0
-# Probability of a larger chi-square below which noise does not explain the residuals
+# p-value of chi-square below which noise does not explain the residuals
 IMPROBABLE: Final = 1e-3
-LEAST_FREE: Final = 1e-3  # smallest value that is taken for 1 minus the leverage of an equation
+LEAST_FREE: Final = 1e-3  # lower bound on 1 minus the leverage of an equation
 NEAR: Final = 0.05  # Hz, many times the error of a submultiple of the frequency
 
 
@@ -69,9 +69,9 @@ class Speeds(NamedTuple):
 
 
 def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
-    """Find the frequency (Hz) at which the bounces obey the map best, by ordinary least squares.
+    """Find the frequency (Hz) at which the map fits the bounces best, by ordinary least squares.
 
-    A scan with the earliest bounces finds the minimum, which is refined with more and more of them.
+    A scan with the earliest bounces finds the minimum; longer and longer stretches refine it.
     """
     speeds = speeds.take(np.argsort(speeds.time))
     since = speeds.time - speeds.time[0]
@@ -82,7 +82,7 @@ def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
     misfit = [_misfits(part, early) for part in np.array_split(trial, steps // 256 + 1)]
     best, width = float(trial[np.argmin(np.concatenate(misfit))]), float(trial[1] - trial[0])
     reach = span
-    while True:  # twice the length halves the width of the minimum
+    while True:  # doubling the length halves the width of the minimum
         used = speeds.take(since <= reach)
         best = float(
             minimize_scalar(
@@ -102,8 +102,8 @@ def frequencies_to_try(
 ) -> list[float]:
     """Return the known frequency (Hz), or that of `find_frequency` and its submultiples.
 
-    On orbits that visit few phases, a multiple of the frequency may be the better fit by ordinary
-    least squares, which assigns all errors to the departure.
+    On orbits that visit few phases, a multiple of the frequency may fit better by ordinary least
+    squares, which assigns all errors to the departure.
     """
     if known is not None:
         return [known]
@@ -118,39 +118,39 @@ def is_unphysical(values: Array, covariance: Array) -> bool:
     return bool(max(-values[0], values[0] - 1.0) > UNPHYSICAL * error)
 
 
-def is_nearer(distance: Array, other: Array, price: float = 0.0) -> bool:
-    """Return whether data are significantly nearer to the first of two models.
+def fits_better(distance: Array, other: Array, penalty: float = 0.0) -> bool:
+    """Return whether the first of two models fits significantly better (Vuong's test).
 
     The mean difference of the squared distances is tested against its scatter (Vuong 1989,
-    Econometrica 57, 307), so that a few odd data decide nothing.  `price` is added to the squared
-    distances from the other model, for its additional parameters.
+    Econometrica 57, 307), so that a few outliers decide nothing.  `penalty` is added to the
+    chi-square of the other model, for its additional parameters.
     """
     gain = other - distance
     scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
-    return bool(gain.sum() + price > DECIDED * scatter)
+    return bool(gain.sum() + penalty > DECIDED * scatter)
 
 
 def is_improbable(misfit: float, freedom: int) -> bool:
-    """Return whether a chi-square per degree of freedom is too large to be due to noise."""
+    """Return whether a reduced chi-square is too large to be due to noise."""
     return freedom > 0 and bool(chdtrc(freedom, misfit * freedom) < IMPROBABLE)
 
 
 def widen(covariance: Array, misfit: float, freedom: int, influences: Array) -> Array:
-    """Widen the covariance of parameters by the chi-square per degree of freedom of their fit.
+    """Scale the covariance of parameters by the reduced chi-square of their fit.
 
-    A misfit above 1 multiplies it; if noise hardly explains the misfit, the `influences`, those of
-    `spread_of_influences`, are added.
+    It is multiplied by a misfit above 1; if noise hardly explains the misfit, the `influences`, a
+    `robust_covariance`, are added.
     """
     wider = covariance * max(1.0, misfit)
     return wider + influences if is_improbable(misfit, freedom) else wider
 
 
-def spread_of_influences(residual: Array, slopes: Array, inverse: Array) -> Array:
-    """Estimate the covariance of parameters from residuals, whatever their distribution.
+def robust_covariance(residual: Array, slopes: Array, inverse: Array) -> Array:
+    """Estimate the covariance of parameters from residuals of any distribution.
 
-    It is that of White with the correction HC3 (MacKinnon and White 1985, J. Econometrics 29, 305):
-    the error of each equation is estimated by its residual from a fit to the others.  Residuals and
-    slopes are whitened; `inverse` is the inverse of the normal equations.
+    This is White's estimator with the correction HC3 (MacKinnon and White 1985, J. Econometrics 29,
+    305): the error of each equation is estimated by its residual from a fit to the others.
+    Residuals and slopes are whitened; `inverse` is the inverse of the normal equations.
     """
     leverage = np.einsum("ij,jk,ik->i", slopes, inverse, slopes)
     left = residual / np.maximum(1.0 - leverage, LEAST_FREE)
@@ -184,10 +184,10 @@ def ordinary_least_squares(speeds: Speeds, frequency: float) -> Array:
 def weakest_signal(
     speeds: Speeds, frequency: float, kick: Array, speed_variance: Array, time_variance: Array
 ) -> float:
-    """Signal in units of the noise, in the direction of the design matrix that varies least.
+    """Signal-to-noise ratio in the weakest direction of the design matrix.
 
-    All bounces of a locked orbit are equal apart from errors of the instants, so that any number of
-    them leaves two of the three parameters undetermined.  `kick` holds S and C (m s-1); the
+    All bounces of a locked orbit are equal up to timing errors, so that however many there are, two
+    of the three parameters remain undetermined.  `kick` holds S and C (m s-1); the
     variances are those of the speed of arrival and of the time of each bounce.
     """
     amplitude = max(float(np.hypot(*kick)), 1e-300)
@@ -198,26 +198,26 @@ def weakest_signal(
 
 
 # -----------------------------------------------------------------------------
-# Laws of restitution that bounces allow: the dependence of e on the speed of impact.
+# Laws of restitution compatible with the bounces: the dependence of e on the impact speed.
 #
 # All laws are fitted to the same bounces.  Two are compared by Vuong's test, with Schwarz's
 # correction for an additional parameter.
 
 FITTED: Final = (CONSTANT, PLASTIC, VISCOELASTIC)
-# Quantiles of the speeds of impact at which fits of the speed of yielding start
+# Quantiles of the impact speeds at which fits of the yield speed start
 STARTS: Final = (0.15, 0.5, 0.85)
 STEP: Final = 1e-5  # step of finite differences: relative for speeds, absolute for the restitution
-# Limit of the squared distance of a bounce, about three standard errors, so that no single bounce
-# decides
+# Upper limit of the squared distance of a bounce, about three standard errors, so that no single
+# bounce decides
 FAR: Final = 10.0
-FARTHEST: Final = 30.0  # largest size of the logarithm of a speed in m s-1
+FARTHEST: Final = 30.0  # largest absolute value of the logarithm of a speed in m s-1
 LEAST_SPEED: Final = 1e-9  # m s-1
 
 
 class Law(NamedTuple):
     """A law of restitution with its speed in m s-1.
 
-    The speed of yielding of a plastic law is a parameter of a fit, with the first value `speed`,
+    The yield speed of a plastic law is a fit parameter with the initial value `speed`,
     unless it is `fixed`.
     """
 
@@ -227,13 +227,13 @@ class Law(NamedTuple):
 
     @property
     def parameters(self) -> int:
-        """Number of parameters beside the restitution: 1 with a free speed of yielding, else 0."""
+        """Number of parameters besides the restitution: 1 with a free yield speed, else 0."""
         return int(self.name == PLASTIC and not self.fixed)
 
     def rebound_speed(self, v: Array, e: float, logarithm: float) -> tuple[Array, Array | float]:
-        """Return the speed after an impact at the speed v, and its derivative by v.
+        """Return the speed after an impact at speed v, and its derivative by v.
 
-        `logarithm` is that of the speed of yielding, if this is a parameter.
+        `logarithm` is that of the yield speed, if this is a parameter.
         """
         if self.name == CONSTANT:
             return e * v, e
@@ -260,14 +260,14 @@ class Law(NamedTuple):
 
 
 class FittedLaw(NamedTuple):
-    """A law that was fitted to bounces."""
+    """A law of restitution fitted to bounces."""
 
     law: Law
     # values, covariance: restitution, S, C, f if it was free, S and C of other harmonics, and the
-    # speed of yielding (m s-1) if it was a parameter
+    # yield speed (m s-1) if it was a parameter
     values: Array
     covariance: Array
-    # misfit, freedom, bounces: chi-square per degree of freedom, number of degrees of freedom, and
+    # misfit, freedom, bounces: reduced chi-square, number of degrees of freedom, and
     # number of bounces used
     misfit: float
     freedom: int
@@ -288,24 +288,24 @@ class FittedLaw(NamedTuple):
 
 
 def fit_law(name: str, speeds: Array, fit: Callable[[Law], FittedLaw]) -> FittedLaw:
-    """Fit a law to bounces at these speeds of impact, from several first speeds of yielding."""
+    """Fit a law to bounces at given impact speeds, from several initial yield speeds."""
     places = STARTS if name == PLASTIC else (0.5,)
-    return nearest_fit([fit(Law(name, float(np.quantile(speeds, place)))) for place in places])
+    return best_fit([fit(Law(name, float(np.quantile(speeds, place)))) for place in places])
 
 
-def nearest_fit(fits: Sequence[FittedLaw]) -> FittedLaw:
-    """Return the fit that is nearest to the bounces."""
+def best_fit(fits: Sequence[FittedLaw]) -> FittedLaw:
+    """Return the fit with the smallest chi-square."""
     return min(fits, key=lambda fit: float(fit.distance.sum()))
 
 
 def failed_fit(law: Law, bounces: int) -> FittedLaw:
-    """Return the result for a law whose fit to that many bounces did not converge."""
+    """Return the result for a law whose fit did not converge."""
     law, nan = law._replace(speed=np.nan), np.full((1, 1), np.nan)
     return FittedLaw(law, nan[0], nan, np.nan, 0, 0, np.full(bounces, np.inf))
 
 
 def with_speed(law: Law, values: Array, covariance: Array) -> tuple[Array, Array]:
-    """Replace the logarithm of the speed of yielding, the last value, by that speed."""
+    """Replace the logarithm of the yield speed, the last value, by the speed itself."""
     if not law.parameters:
         return values, covariance
     scale = np.ones(values.size)
@@ -313,7 +313,7 @@ def with_speed(law: Law, values: Array, covariance: Array) -> tuple[Array, Array
     return np.append(values[:-1], scale[-1]), covariance * np.outer(scale, scale)
 
 
-def laws_left(fits: Sequence[FittedLaw]) -> list[str]:
+def possible_laws(fits: Sequence[FittedLaw]) -> list[str]:
     """Names of the laws that the bounces do not rule out, the best one first."""
 
     def criterion(fit: FittedLaw) -> float:
@@ -322,25 +322,25 @@ def laws_left(fits: Sequence[FittedLaw]) -> list[str]:
     fitted = [fit for fit in fits if np.isfinite(fit.distance).all()]
     if not fitted:
         return []
-    nearest, *others = sorted(fitted, key=criterion)
-    kept = [nearest.law.name]
+    best, *others = sorted(fitted, key=criterion)
+    possible = [best.law.name]
     for other in others:
-        more = other.law.parameters - nearest.law.parameters
-        price = more * float(np.log(other.distance.size))
-        if not is_nearer(nearest.distance, other.distance, price):
-            kept.append(other.law.name)
+        more = other.law.parameters - best.law.parameters
+        penalty = more * float(np.log(other.distance.size))
+        if not fits_better(best.distance, other.distance, penalty):
+            possible.append(other.law.name)
     # a fit that failed rules out nothing
-    return kept + [fit.law.name for fit in fits if not np.isfinite(fit.distance).all()]
+    return possible + [fit.law.name for fit in fits if not np.isfinite(fit.distance).all()]
 
 
 def preferred_law(fits: Sequence[FittedLaw]) -> FittedLaw | None:
     """Return the fit with the best law if bounces rule out a constant restitution, else None."""
-    name = law_among(laws_left(fits))
+    name = law_to_use(possible_laws(fits))
     return None if name == CONSTANT else next(fit for fit in fits if fit.law.name == name)
 
 
-def law_among(left: Sequence[str]) -> str:
-    """Return the law of the parameters: constant or, if that is ruled out, the best one left.
+def law_to_use(left: Sequence[str]) -> str:
+    """Return the law to use: constant or, if that is ruled out, the best of the others.
 
     `left` names the laws that the bounces do not rule out, the best one first.
     """
@@ -352,12 +352,12 @@ def law_of(found: xr.Dataset) -> tuple[str, float]:
 
     The speed is NaN if the restitution is constant.
     """
-    name = law_among(_laws_left(found))
+    name = law_to_use(_possible_laws(found))
     return name, np.nan if name == CONSTANT else float(found["law_speed"].sel(law=name))
 
 
 def law_variables(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
-    """Variables of a dataset with the dim law; `scale` multiplies speeds."""
+    """Variables with the dimension law; `scale` multiplies speeds."""
     speeds = [[scale * v for v in (fit.speed, fit.errors[1])] for fit in fits]
     columns = {
         "law_restitution": ([float(fit.values[0]) for fit in fits], "1", "restitution of the law"),
@@ -373,7 +373,7 @@ def law_variables(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, An
     return {"law": [fit.law.name for fit in fits], **with_units("law", columns)}
 
 
-def _laws_left(found: xr.Dataset) -> list[str]:
+def _possible_laws(found: xr.Dataset) -> list[str]:
     """Read the laws that the bounces do not rule out from the attribute of a result."""
     names = str(found.attrs["restitution_law"])
     return names.split(" or ") if names else []
@@ -381,10 +381,10 @@ def _laws_left(found: xr.Dataset) -> list[str]:
 
 def law_text(found: xr.Dataset) -> str:
     """State which laws of restitution a result of `estimate` allows; empty if it names none."""
-    left, undecided = _laws_left(found), ""
+    left, undecided = _possible_laws(found), ""
     if not left:
         return ""
-    law = law_among(left)
+    law = law_to_use(left)
     *others, last = left
     if others:
         either = f"{', '.join(others)} or {last}"
@@ -404,7 +404,7 @@ def law_text(found: xr.Dataset) -> str:
 
 
 # -----------------------------------------------------------------------------
-# Contacts with the base: intersections of neighbouring flights, wherever the base is.
+# Contacts with the base: intersections of successive flights, wherever the base is.
 
 
 class Contacts(NamedTuple):
@@ -414,7 +414,7 @@ class Contacts(NamedTuple):
     before: Fits
     after: Fits
     particle: Indices  # number of the particle
-    linked: Flags  # True if the next contact ends the flight that begins at this one
+    linked: Flags  # True if the flight that begins here ends at the next contact
     # time, height: where the parabolas meet, s and m
     time: Array
     height: Array
@@ -430,7 +430,7 @@ class Contacts(NamedTuple):
         return Speeds(-self.arrival, self.departure, self.time)
 
     def take(self, chosen: Flags) -> Contacts:
-        """Return the chosen contacts; a link ends where the next contact is left out."""
+        """Return the chosen contacts; a chain ends where the next contact is left out."""
         linked = self.linked & np.append(chosen, False)[1:]
         columns = {"particle", "time", "height", "arrival", "departure"}
         return self._replace(
@@ -452,13 +452,13 @@ class Cut(NamedTuple):
 
     contacts: Contacts
     member: Indices  # number of the stretch of each sample
-    # fall, error: acceleration with which high stretches fall, and its standard error, m s-2
+    # fall, error: downward acceleration in high stretches, and its standard error, m s-2
     fall: float
     error: float
 
 
 def find_contacts(samples: Samples, gravity: float) -> Cut:
-    """Find contacts with the base; flights fall with the acceleration `gravity` (m s-2)."""
+    """Find contacts with the base; `gravity` is the acceleration of free fall (m s-2)."""
     member, noise = stretches(samples, gravity)
     member = _without_contacts(samples, member)
     start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
@@ -471,7 +471,7 @@ def find_contacts(samples: Samples, gravity: float) -> Cut:
 
 
 def _without_contacts(samples: Samples, member: Indices) -> Indices:
-    """Return the number of the stretch of each sample, -1 in stretches as short as a contact."""
+    """Return the number of the stretch of each sample, -1 in stretches no longer than a contact."""
     start = np.flatnonzero(np.diff(member, prepend=-1))
     step = float(np.median(np.diff(samples.time)))
     last = np.append(start[1:], member.size) - 1
@@ -490,12 +490,12 @@ def contacts_between(
 ) -> Contacts:
     """Contacts between the flights numbered `landing` and those that follow them.
 
-    Contacts beside a flight that is not clearly resolved are left out.  `member` is the number of
+    Contacts next to a flight that is not clearly resolved are left out.  `member` is the number of
     the flight of each sample, -1 for none; `noise` the standard deviation of a sample (m), `fall`
     the acceleration of flights (m s-2).
     """
     clear = clear_flights(samples, member, fits, noise, fall)
-    # noise of flights alone, because residuals of a stay would enlarge it
+    # noise from flights alone, because residuals of a stay would inflate it
     free = fits.number[clear] - 2.0
     noise = float(np.sqrt(fits.residue[clear].sum() / free.sum())) if free.size else noise
     landing = landing[clear[landing] & clear[landing + 1]]
@@ -509,7 +509,7 @@ def contacts_between(
     found = Contacts(
         before, after, owner[landing], linked, met.time, met.height, arrival, departure, noise, fall
     )
-    # between two parts of one flight there is no contact: their slopes differ only by rounding
+    # two parts of one flight have no contact between them: their slopes differ only by rounding
     return found.take(departure > arrival)
 
 
@@ -528,19 +528,19 @@ def contacts_between(
 # that kicks with A = (1 + e) V0 obeys the same equations without the oscillating term of y, which
 # distinguishes the two bases.
 #
-# A contact that lasts for tau begins before the parabolas meet and ends after it, by shares of tau
-# as its speeds are, and they meet below the base.  Its length is a parameter, which heights
-# determine within the range that is stated.  The restitution of each bounce may scatter: its
-# standard deviation maximises the likelihood, and is a component of the errors of the second
-# equation.
+# A contact of duration tau begins before the parabolas meet and ends after that, by fractions of
+# tau in the ratio of the speeds, and they meet below the base.  The contact time is a parameter,
+# which the heights determine within the given range.  The restitution may scatter from bounce to
+# bounce: its standard deviation, a variance component of the second equation, is the
+# maximum-likelihood estimate.
 #
 # The equations of a chain of flights are those of a deterministic orbit, on which errors grow: in
-# some combinations of many equations errors of first order cancel.  The squares of errors remain,
-# which a linear propagation leaves out; without them such combinations would have far too large
+# some combinations of many equations the first-order errors cancel.  Second-order terms remain,
+# which a linear propagation neglects; without them such combinations would have far too large
 # weights.
 
-# Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to keep
-# the few but decisive contacts off a locked orbit, then narrow, against outliers.
+# Scales of the robust loss (quadratic, then logarithmic) in standard errors: first wide, to include
+# the few but decisive contacts away from a locked orbit, then narrow, against outliers.
 BENDS: Final = (30.0, 3.0)
 OUTLIER: Final = 4.5
 RIDGE: Final = 1e-9
@@ -551,12 +551,12 @@ UNDETERMINED: Final = (
 ROUNDS: Final = 2
 MOST_STEPS: Final = 30
 STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite differences
-STEP_OF_CONTACT: Final = 1e-7  # s, of the length of a contact
-LONGEST_CONTACT: Final = 5e-3  # s, that is expected
-# Unless it is stated: bounces too low to be seen look like contacts that last, and so do kicks of a
-# base at a constant level
+STEP_OF_CONTACT: Final = 1e-7  # s, for the contact time
+LONGEST_CONTACT: Final = 5e-3  # s
+# Default contact time, 0: bounces too low to be seen look like long contacts, and so do the kicks
+# of a base at a constant level
 INSTANT: Final = Input(0.0, 1e-9)
-SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # of e that are tried first
+SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # trial values of the scatter of e
 ONE_SIDED: Final = 2.71  # rise of the deviance at a one-sided limit of 95 %
 
 
@@ -583,11 +583,11 @@ class Oscillation(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """Upper bound of the height in m above the level."""
+        """Upper bound on the height in m above the level."""
         return sum(float(np.hypot(s, c)) / (TWO_PI * h * self.frequency) for h, s, c in self.tones)
 
     def velocity(self, time: Array) -> Array:
-        """Velocity in m s-1 at instants in s."""
+        """Velocity in m s-1 at times in s."""
         return np.asarray(sum(speed for _, speed in self._velocities(time)))
 
     def jerk(self, time: Array) -> Array:
@@ -622,10 +622,10 @@ class Trace(NamedTuple):
     values: Array
     covariance: Array
     numbers: tuple[int, ...] = (1,)
-    origin: float = 0.0  # instant in s, on the clock of the trace, at which t = 0
+    origin: float = 0.0  # time in s, on the clock of the trace, at which t = 0
 
     def since(self, origin: float) -> Trace:
-        """Count t from another instant of the clock; phases take the error of the frequency."""
+        """Shift the time origin; the error of the frequency propagates to the phases."""
         later = origin - self.origin
         if later == 0.0:
             return self
@@ -642,10 +642,10 @@ class Trace(NamedTuple):
 
 
 class BaseFit(NamedTuple):
-    """Motion of a base, fitted to contacts."""
+    """Motion of a base fitted to contacts."""
 
     # values, covariance: restitution, S, C, f if it was free, S and C of other harmonics; then the
-    # level below each particle, and the length of a contact (s)
+    # level below each particle, and the contact time (s)
     values: Array
     covariance: Array
     problem: Problem  # contacts to which it was fitted
@@ -653,31 +653,31 @@ class BaseFit(NamedTuple):
     # particles, levels: numbers of the particles that have contacts, and the level below each, m
     particles: NDArray[np.intp]
     levels: Array
-    kept: Flags  # True if a contact is not an outlier; shape (contact,)
-    # misfit, freedom: chi-square per degree of freedom, and number of degrees of freedom
+    used: Flags  # True if a contact is not an outlier; shape (contact,)
+    # misfit, freedom: reduced chi-square, and number of degrees of freedom
     misfit: float
     freedom: int
     # Squared distance of each contact in standard errors, at most `FAR`; shape (contact,)
     distance: Array
-    scatter_limit: float  # one-sided limit (95 %) of the scatter of the restitution
+    scatter_limit: float  # upper limit (95 %) on the scatter of the restitution
 
     @property
     def contact(self) -> float:
-        """Length of a contact in s, at least 0."""
+        """Contact time in s, at least 0."""
         return max(float(self.values[-1]), 0.0)
 
 
 class Problem(NamedTuple):
-    """Contacts to fit; the frequency, None if free; 1 for a moving base, 0 for one at a level."""
+    """Contacts to fit; the frequency, None if free; 1 for a moving base, 0 for a constant level."""
 
     contacts: Contacts
     owner: NDArray[np.intp]
     frequency: float | None
     moves: float
     trace: Trace | None
-    # Law of restitution; a speed of yielding is the last parameter, after the length of a contact
+    # Law of restitution; a yield speed is the last parameter, after the contact time
     law: Law = Law()
-    contact: Input = INSTANT  # what is known of the length of a contact, s
+    contact: Input = INSTANT  # prior of the contact time, s
     scatter: float = 0.0  # standard deviation of the restitution from bounce to bounce
 
     @property
@@ -688,7 +688,7 @@ class Problem(NamedTuple):
         return 4 if self.frequency is None else 3
 
     def base(self, values: Array) -> Oscillation:
-        """Motion of the base among the values of the parameters."""
+        """Motion of the base for given values of the parameters."""
         motion = values[1 : self.parameters]
         if self.frequency is not None:
             motion = np.append(motion, self.frequency)
@@ -698,15 +698,15 @@ class Problem(NamedTuple):
         """Residuals of height and velocity, and their errors.
 
         Returns the residuals, shape (contact, 2), their derivatives by the level and the slope of
-        the flights before and after, per standard error, shapes (contact, 2, 2), and variances that
-        no other contact shares, shape (contact, 2): of scatter, and of the squares of errors.
+        the flights before and after, per standard error, shapes (contact, 2, 2), and variances
+        specific to each contact, shape (contact, 2): scatter and second-order errors.
         """
         c, e, base = self.contacts, values[0], self.base(values)
         closing, moves = c.departure - c.arrival, self.moves
         lasting = values[-1 - self.law.parameters] / closing
         shift = moves * base.velocity(c.time)
         falls, rises = shift - c.arrival, c.departure - shift  # towards and away from the base
-        begins, ends = -lasting * rises, lasting * falls  # of a contact, since the parabolas meet
+        begins, ends = -lasting * rises, lasting * falls  # of a contact, from where they meet
         fall = c.gravity + moves * base.acceleration(c.time)
         left = c.height - values[self.parameters + self.owner] - moves * base.height(c.time)
         left += lasting * falls * rises
@@ -716,7 +716,7 @@ class Problem(NamedTuple):
         after, q = self.law.rebound_speed(arrives, e, values[-1])
         bounce = c.departure - c.gravity * ends - base.velocity(c.time + ends) - after
         turn = (1.0 + q) * (c.gravity + base.acceleration(c.time)) / closing
-        when = (c.noise / closing) ** 2  # variance of the instant
+        when = (c.noise / closing) ** 2  # variance of the contact's time
         when *= line_variance(c.before, c.time) + line_variance(c.after, c.time)
         own = np.stack([0.5 * fall**2 * when**2, 0.5 * (1.0 + q) ** 2 * when**2], axis=1)
         own[:, 1] *= base.jerk(c.time) ** 2
@@ -745,7 +745,7 @@ class Problem(NamedTuple):
     def inliers(self, values: Array) -> Flags:
         """Mark the contacts that are not outliers; shape (contact,)."""
         apart = np.abs(self.residuals(values))
-        # if all contacts deviate, as with a restitution that depends on speed, none is an outlier
+        # where all contacts deviate, as for a restitution that depends on speed, none is an outlier
         width = np.maximum(1.4826 * np.median(apart, axis=0), 1.0)
         return np.asarray((apart < OUTLIER * width).all(axis=1))
 
@@ -757,17 +757,17 @@ class Problem(NamedTuple):
         """Residuals in standard errors, flattened."""
         return self.residuals(values).ravel()
 
-    def _factor(self, values: Array, kept: Flags) -> tuple[Array, Array]:
-        """Residuals of the `kept` contacts, and the banded factor of their covariance."""
+    def _factor(self, values: Array, used: Flags) -> tuple[Array, Array]:
+        """Residuals of the `used` contacts, and the banded factor of their covariance."""
         left, before, after, own = self.equations(values)
-        chosen = np.flatnonzero(kept)
+        chosen = np.flatnonzero(used)
         left, before, after = left[chosen], before[chosen], after[chosen]
         block = before @ before.transpose(0, 2, 1) + after @ after.transpose(0, 2, 1)
         block[:, [0, 1], [0, 1]] += own[chosen]
         linked = self.contacts.linked[chosen[:-1]] & (np.diff(chosen) == 1)
         following = before[1:] @ after[:-1].transpose(0, 2, 1) * linked[:, np.newaxis, np.newaxis]
         band = np.zeros((4, 2 * chosen.size))
-        # a small ridge against rounding: the errors of linked flights are nearly dependent
+        # a small ridge against rounding: the errors of linked flights are almost linearly dependent
         band[0] = (1.0 + RIDGE) * np.stack([block[:, 0, 0], block[:, 1, 1]], axis=1).ravel()
         band[1, 0::2] = block[:, 1, 0]
         band[1, 1:-1:2] = following[:, 0, 1]
@@ -775,11 +775,11 @@ class Problem(NamedTuple):
         band[3, 0:-2:2] = following[:, 1, 0]
         return left.ravel(), cholesky_banded(band, lower=True)
 
-    def scattered(self, values: Array, kept: Flags) -> tuple[Problem, float]:
-        """Return the problem with the scatter that is most likely, and the limit of the scatter."""
+    def with_likely_scatter(self, values: Array, used: Flags) -> tuple[Problem, float]:
+        """Return the problem with the most likely scatter, and the upper limit on the scatter."""
 
         def deviance(scatter: float) -> float:
-            left, factor = self._replace(scatter=scatter)._factor(values, kept)
+            left, factor = self._replace(scatter=scatter)._factor(values, used)
             white = solve_banded((3, 0), factor, left)
             return float(white @ white + 2.0 * np.log(factor[0]).sum())
 
@@ -794,17 +794,17 @@ class Problem(NamedTuple):
             limit = brentq(lambda s: deviance(s) - least - ONE_SIDED, best, limit)
         return self._replace(scatter=float(best)), float(limit)
 
-    def whitened(self, values: Array, kept: Flags, *, slopes: bool = False) -> Array:
+    def whitened(self, values: Array, used: Flags, *, slopes: bool = False) -> Array:
         """Residuals whitened to unit covariance; with `slopes`, their derivatives by the levels.
 
-        Those of the prior of the contact, and of the trace, follow.
+        Residuals of the prior of the contact time, and of the trace, follow.
         """
-        left, factor = self._factor(values, kept)
-        place = values.size - 1 - self.law.parameters  # of the length of a contact
+        left, factor = self._factor(values, used)
+        place = values.size - 1 - self.law.parameters  # of the contact time
         levels = place - self.parameters
         right = np.zeros((left.size, levels)) if slopes else left
         if slopes:
-            chosen = np.flatnonzero(kept)
+            chosen = np.flatnonzero(used)
             right[2 * np.arange(chosen.size), self.owner[chosen]] = -1.0
         parts = [solve_banded((3, 0), factor, right)]
         known, error, _ = self.contact
@@ -817,7 +817,7 @@ class Problem(NamedTuple):
             parts.append(np.zeros((off.size, levels)) if slopes else off)
         return np.concatenate(parts)
 
-    def derivatives(self, values: Array, kept: Flags) -> Array:
+    def derivatives(self, values: Array, used: Flags) -> Array:
         """Derivatives of `whitened` by all parameters."""
         more = self.parameters - len(STEPS)
         steps = dict(enumerate((STEPS + STEPS[1:2] * more)[: self.parameters]))
@@ -826,9 +826,9 @@ class Problem(NamedTuple):
         columns = []
         for k, step in steps.items():
             ends = [values + sign * step * (np.arange(values.size) == k) for sign in (1.0, -1.0)]
-            up, down = (self.whitened(end, kept) for end in ends)
+            up, down = (self.whitened(end, used) for end in ends)
             columns.append((up - down) / (2.0 * step))
-        levels = self.whitened(values, kept, slopes=True)
+        levels = self.whitened(values, used, slopes=True)
         return np.column_stack([*columns[: self.parameters], levels, *columns[self.parameters :]])
 
 
@@ -844,8 +844,8 @@ def fit_base(
     """Fit the motion of a base to contacts.
 
     The frequency (Hz) is a parameter if `free` or if there is a `trace`, a measured motion of the
-    base; `contact` is what is known of the length of a contact (s).  Without `moves` the base has
-    a constant level and kicks.  Raises a TrackError if there are fewer equations than parameters.
+    base; `contact` is the prior of the contact time (s).  Without `moves` the base has a constant
+    level and kicks.  Raises a TrackError if there are fewer equations than parameters.
     """
     particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None
@@ -864,7 +864,7 @@ def fit_base(
             x_scale=scale,
             max_nfev=MOST_STEPS,
         ).x
-    problem, found, kept, limit = without_outliers(problem, values, scale, problem.inliers(values))
+    problem, found, used, limit = without_outliers(problem, values, scale, problem.inliers(values))
     values = found.x
     covariance, misfit, freedom = covariance_of_fit(found)
     return BaseFit(
@@ -874,7 +874,7 @@ def fit_base(
         problem.base(values),
         particles,
         values[count:-1],
-        kept,
+        used,
         misfit,
         freedom,
         problem.distance(values),
@@ -883,43 +883,43 @@ def fit_base(
 
 
 def without_outliers(
-    problem: Problem, values: Array, scale: Array, kept: Flags
+    problem: Problem, values: Array, scale: Array, chosen: Flags
 ) -> tuple[Problem, OptimizeResult, Flags, float]:
-    """Fit the contacts that are `kept`, then fit again without outliers.
+    """Fit the `chosen` contacts, then fit again without outliers.
 
     Returns the problem with its scatter, the last fit, flags of the contacts that it used, and the
-    limit of the scatter.  The first fit begins at `values`, whose scale is `scale`.
+    upper limit on the scatter.  The first fit starts at `values`, whose scale is `scale`.
     """
     for _ in range(ROUNDS):
-        problem, limit = problem.scattered(values, kept)
+        problem, limit = problem.with_likely_scatter(values, chosen)
         found = least_squares(
             problem.whitened,
             values,
             problem.derivatives,
             x_scale=scale,
-            args=(kept,),
+            args=(chosen,),
             max_nfev=MOST_STEPS,
         )
-        used, values, kept = kept, found.x, problem.inliers(found.x)
+        used, values, chosen = chosen, found.x, problem.inliers(found.x)
     return problem, found, used, limit
 
 
 def covariance_of_fit(found: OptimizeResult) -> tuple[Array, float, int]:
-    """Covariance of the parameters, chi-square per degree of freedom, and degrees of freedom."""
+    """Covariance of the parameters, reduced chi-square, and degrees of freedom."""
     freedom = found.fun.size - found.x.size
     misfit = float(2.0 * found.cost / max(freedom, 1))
-    # scaled, because a trace without noise determines some parameters far better than others
+    # scaled, because a noise-free trace determines some parameters far better than others
     slopes = np.asarray(found.jac)
     size = np.linalg.norm(slopes, axis=0)
     size[size == 0.0] = 1.0  # a level whose contacts are all outliers
     slopes = slopes / size
     inverse = np.linalg.pinv(slopes.T @ slopes, hermitian=True)
-    scale, influences = np.outer(size, size), spread_of_influences(found.fun, slopes, inverse)
+    scale, influences = np.outer(size, size), robust_covariance(found.fun, slopes, inverse)
     return widen(inverse / scale, misfit, freedom, influences / scale), misfit, freedom
 
 
 def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Array]:
-    """First values of the parameters, among them the frequency (Hz) if free, and their scales."""
+    """Initial values of the parameters, including the frequency (Hz) if free, and their scales."""
     contacts, trace, count = problem.contacts, problem.trace, problem.parameters
     e, sine, cosine = ordinary_least_squares(contacts.speeds, frequency)  # v' = -e v + (1 + e) V
     start = [e, sine / (1.0 + e), cosine / (1.0 + e), frequency][:count]
@@ -943,16 +943,16 @@ def _restitution(contacts: Contacts, base: Oscillation) -> float:
 # Decide from the contacts of a recording whether the base moves or has a constant level.
 
 FREQUENCIES: Final = (1.0, 100.0)
-# Most contacts that are used; more hardly change the decision.
+# Largest number of contacts used; more hardly change the decision.
 MOST: Final = 1000
-# Weakest signal for which a base is fitted; that of noise alone is at most 1.
+# Smallest signal-to-noise ratio for which a base is fitted; noise alone gives at most 1.
 LEAST_SIGNAL: Final = 3.0
 
 
 def which_base(
     contacts: Contacts, frequency: float | None = None, contact: Input = INSTANT
 ) -> tuple[str, BaseFit | None]:
-    """Fit a moving base and one at a constant level to contacts, and compare both.
+    """Fit a moving base and one at a constant level to contacts, and compare them.
 
     Returns ``"moving"``, ``"level"`` or ``"undetermined"``, and the fit of a moving base; None for
     contacts that do not determine the motion, such as those of a locked orbit, all at one phase.
@@ -970,7 +970,7 @@ def which_base(
         [fit_base(few, rate, free=free, moves=moves, contact=lasts) for rate in rates]
         for moves, lasts in ((True, contact), (False, INSTANT))
     ]
-    # with the same scatter, the smallest, that a worse fit does not hide its residuals
+    # with the same scatter, the smallest, lest a large scatter hide the residuals of a worse fit
     scatter = min(fit.problem.scatter for fits in tried for fit in fits)
     moving, level = (
         min((_with_scatter(fit, scatter) for fit in fits), key=_distance) for fits in tried
@@ -979,7 +979,7 @@ def which_base(
 
 
 def moves(moving: BaseFit) -> bool:
-    """Return whether a moving base describes its contacts better than one at a constant level."""
+    """Return whether a moving base fits its contacts better than one at a constant level."""
     contacts, free = moving.problem.contacts, moving.problem.frequency is None
     if _too_few(contacts):
         return False
@@ -990,7 +990,7 @@ def moves(moving: BaseFit) -> bool:
 
 
 def _with_scatter(fit: BaseFit, scatter: float) -> BaseFit:
-    """Return a fit with the distances of its contacts for another scatter."""
+    """Return a fit with the distances of its contacts evaluated for another scatter."""
     return fit._replace(distance=fit.problem._replace(scatter=scatter).distance(fit.values))
 
 
@@ -999,13 +999,13 @@ def _too_few(contacts: Contacts) -> bool:
 
 
 def _preferred(moving: BaseFit, level: BaseFit) -> str:
-    """Return the base that describes the same contacts significantly better, by Vuong's test.
+    """Return the base that fits the same contacts significantly better, by Vuong's test.
 
-    Both models have the same number of parameters, and neither contains the other.  A base that
+    Both models have the same number of parameters, and they are not nested.  A base that
     implies an unphysical restitution is never preferred.
     """
     for favoured, better, worse in (("moving", moving, level), ("level", level, moving)):
-        if is_nearer(better.distance, worse.distance):
+        if fits_better(better.distance, worse.distance):
             return "undetermined" if is_unphysical(better.values, better.covariance) else favoured
     return "undetermined"
 

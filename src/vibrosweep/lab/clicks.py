@@ -1,8 +1,8 @@
 """Bounces from the times of impacts on a floor.
 
-Two successive impacts are apart by a contact and a flight.  A click that is missed joins two
-flights, a false one divides a flight; both change the ratio of successive intervals by far more
-than a bounce does.  The reading of a list that needs the fewest such events is found exactly.
+The interval between two impacts is a contact time and a flight time.  A missed click merges two
+flights, a false one splits a flight; both change the ratio of successive intervals by far more than
+a bounce does.  The interpretation with the fewest such events is found by dynamic programming.
 """
 
 from __future__ import annotations
@@ -19,17 +19,18 @@ from vibrosweep.errors import TrackError
 from vibrosweep.lab.ballistics import POWER, BallInputs, Bounces, Input, flight_of, nominal_of
 from vibrosweep.lab.recordings import Recording
 
-LATEST: Final = 1e11  # s, where a double rounds by 15 us
-RATIOS: Final = (0.3, 1.0)  # of intervals, at which a restitution is sought first
-EVENT: Final = 12.0  # cost of a missed or false click: a ratio that is off by 3.5 deviations
-BREAK: Final = 30.0  # cost of another drop in the same list
+LATEST: Final = 1e11  # s; the spacing of doubles there is 15 us
+RATIOS: Final = (0.3, 1.0)  # of successive intervals, used for the first estimate of e
+# Cost of a missed or false click: that of a ratio off by 3.5 standard deviations
+EVENT: Final = 12.0
+BREAK: Final = 30.0  # cost of starting another drop in the same list
 LEAST_SPREAD: Final = 0.02  # of the logarithm of a ratio
-FARTHEST: Final = 4  # clicks that may be false one after the other, and more
-MISSED: Final = 2  # clicks that may be missed one after the other
+FARTHEST: Final = 4  # largest number of successive false clicks, plus 1
+MISSED: Final = 2  # largest number of successive missed clicks
 
 
 class Reading(NamedTuple):
-    """Intervals of a list: first and last click, and number of clicks missed between."""
+    """An interval: its first and last click, and the number of missed clicks between them."""
 
     first: int
     last: int
@@ -37,7 +38,7 @@ class Reading(NamedTuple):
 
 
 def typical_ratio(lists: Sequence[Array]) -> tuple[float, float]:
-    """Return the median ratio of successive intervals, and a spread of its logarithm."""
+    """Return the median ratio of successive intervals, and the scatter of its logarithm."""
     steps = [np.diff(times) for times in lists]
     ratios = np.concatenate([step[1:] / step[:-1] for step in steps]) if steps else np.empty(0)
     ratios = ratios[(ratios > RATIOS[0]) & (ratios < RATIOS[1])]
@@ -50,12 +51,12 @@ def typical_ratio(lists: Sequence[Array]) -> tuple[float, float]:
 
 
 def read_clicks(times: Array, ratio: float, spread: float) -> list[list[Reading]]:
-    """Read a list of clicks as drops of successive flights, at the lowest cost."""
+    """Divide a list of clicks into drops of successive flights, at the lowest cost."""
     n = times.size
-    series = np.cumsum(ratio ** np.arange(MISSED + 1))  # an interval over its first flight
+    series = np.cumsum(ratio ** np.arange(MISSED + 1))  # intervals in units of their first flight
     best: dict[Reading, tuple[float, Reading | None]] = {}
     by_last: list[list[Reading]] = [[] for _ in range(n)]
-    ends = np.full(n, np.inf)  # lowest cost of all before a drop that begins with this click
+    ends = np.full(n, np.inf)  # lowest cost of everything before a drop that begins with this click
     ends[0] = 0.0
     previous: list[Reading | None] = [None] * n
     for j in range(n):
@@ -79,7 +80,7 @@ def read_clicks(times: Array, ratio: float, spread: float) -> list[list[Reading]
         if j + 1 < n and ends[j] + EVENT < ends[j + 1]:  # a false click at the beginning
             ends[j + 1], previous[j + 1] = ends[j] + EVENT, previous[j]
     drops: list[list[Reading]] = []
-    # false clicks may stand at the end
+    # allow for false clicks at the end
     last = min(
         (r for row in by_last for r in row), key=lambda r: best[r][0] + EVENT * (n - 1 - r.last)
     )
@@ -94,7 +95,7 @@ def read_clicks(times: Array, ratio: float, spread: float) -> list[list[Reading]
 
 
 def impacts_in(recording: Recording) -> Array:
-    """Return the times of impacts in order; one that appears twice is one impact."""
+    """Return the sorted times of impacts without duplicates."""
     times = np.unique(recording.time[np.isfinite(recording.time)])
     if times.size and np.abs(times).max() > LATEST:
         raise TrackError(
@@ -143,10 +144,10 @@ def _bounces(
     shift: Array | float = 0.0,
     at: Mapping[str, float] | None = None,
 ) -> Bounces:
-    """Return the bounces between flights none of which holds a missed click.
+    """Return the bounces between flights without missed clicks.
 
-    Restitutions are linearized about clicks that are moved by `shift` (s), and about inputs `at`
-    these values instead of their means.
+    Restitutions are linearized about clicks shifted by `shift` (s), and about the inputs `at`
+    instead of their means.
     """
     clicks = [drop[0].first, *(reading.last for reading in drop)]
     seen = recording.time[clicks]
@@ -165,7 +166,7 @@ def _bounces(
     def values(times: Array, **changed: float) -> tuple[Array, Array]:
         now = {**place, **changed}
         g, drag, lengths = now["gravity"], now["drag"], np.diff(times)
-        # a contact lasts as long as (impact speed)^-p
+        # contact time scales as (impact speed)^-p
         contact = now["contact"] * (np.maximum(lengths, 1e-9) / middle) ** -now["contact_power"]
         v = nominal_of(np.maximum(lengths - contact, 0.1 * lengths), g, drag)
         fallen = np.sqrt(2.0 * g * now.get("drop_height", 1.0))
@@ -196,7 +197,7 @@ def _bounces(
         time=seen[:-1][used],
         fixed=moved @ moved.T * recording.rounding**2 / 12.0,
         timing=moved @ moved.T,
-        # bounces evaluated with an input that is too small by one unit are off by as much
+        # evaluated with an input too small by one unit, e is off by minus its derivative
         inputs={key: -slope for key, slope in slopes.items()},
         found={},
         speed_known=recording.rate_known,

@@ -56,22 +56,21 @@ __all__ = ["compare", "compare_tracks"]
 # Errors of predicted heights and periods.
 #
 # The error of a quantity is |measured - predicted| / measured.  It can mean the error of the mean
-# over all particles, of the mean of each particle, or of each flight: all these readings are
-# computed.
+# over all particles, of the mean of each particle, or of each flight: all three are computed.
 
-# Quantities of a flight, and the variables of `find_impacts` that hold them
+# Quantities of a flight, and their variables in a result of `find_impacts`
 MEASURED_AS: Final = {"height": "rebound_height", "period": "flight_time"}
 QUANTITIES: Final = tuple(MEASURED_AS)
 READINGS: Final = ("ensemble", "particle", "worst", "flight")
-# Particles are compared if at least this share of their time and of their landings was measured.
+# Smallest measured fraction of a particle's time and landings for which it is compared
 MEASURED: Final = 0.9
 
 
 def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
     """Mark the particles whose flights were nearly all measured.
 
-    Particles that rest or bounce too low for the camera are left out, because a mean over the
-    flights that are seen would be biased.
+    Particles that rest or bounce too low for the camera are left out, because the mean over their
+    visible flights would be biased.
 
     Parameters
     ----------
@@ -168,11 +167,11 @@ def errors_of(impacts: xr.Dataset, predicted: dict[str, Array], among: NDArray[n
 # Predictions with known or estimated parameters, from the first flight of each particle.
 
 DRAWS: Final = 64
-MEANS: Final = ("rebound_height_mean", "flight_time_mean")  # the names of `QUANTITIES` in a sweep
+MEANS: Final = ("rebound_height_mean", "flight_time_mean")  # names of `QUANTITIES` in a sweep
 USED: Final = ("restitution", "amplitude", "frequency", SPEED)
 # Name of the base by its motion in a recording
 BASE_OF_MOTION: Final = {"level": HIGH_BOUNCE, "moving": MOVING}
-# Number by which refused draws may exceed the draws asked for, by chance
+# Margin by which rejected draws may exceed the requested number
 REFUSED_BY_CHANCE: Final = 10
 
 
@@ -208,7 +207,7 @@ def parameters_of(
 ) -> tuple[dict[str, float], Scene, xr.Dataset | None]:
     """Find the parameters of a prediction.
 
-    Returns the known ones, the scene, and the estimate of the others, None if all are known.
+    Returns the known parameters, the scene, and the estimate of the others, None if all are known.
     """
     known = {name: p.default for name, p in PARAMETERS.items()} | dict(options.known)
     stated = {"restitution", "amplitude"} & options.known.keys()
@@ -243,11 +242,11 @@ def draw_parameters(
     draws: int,
     seed: int = 0,
 ) -> tuple[dict[str, Array], list[Waveform], int]:
-    """Draw parameter sets: the best estimate, then samples of its normal posterior.
+    """Draw parameter sets: the best estimate, then samples from its normal posterior.
 
-    `known` holds every parameter of `PARAMETERS`, and the speed of a law of restitution.  Values of
-    `estimated`, a result of `estimate`, replace them and those of the waveform of the scene.
-    Without an estimate there is one set, the known one.
+    `known` holds all `PARAMETERS` and the speed of the law of restitution.  Values of `estimated`,
+    a result of `estimate`, replace them and those of the scene's waveform.  Without an estimate
+    there is one set, the known one.
 
     Returns
     -------
@@ -280,30 +279,30 @@ def draw_parameters(
                 f"check the scale and the frequency, or give the parameters"
             )
     rng = np.random.default_rng(seed)
-    kept, refused = [best], 0
-    while len(kept) <= draws:
+    accepted, refused = [best], 0
+    while len(accepted) <= draws:
         values = rng.multivariate_normal(best, covariance)
         within = not range_mistake(law, values[:1])  # values[0] is the restitution
         if within and all(bool(parameter.accepts(values[k])) for k, parameter in physical):
-            kept.append(values)
+            accepted.append(values)
         else:
             refused += 1
         if refused > draws + REFUSED_BY_CHANCE:
             raise ParameterError(
-                f"{refused} of {refused + len(kept)} sets drawn within the errors of the estimate "
-                f"are not physical: the parameters are too uncertain; give them"
+                f"{refused} of {refused + len(accepted)} sets drawn within the errors of the "
+                f"estimate are not physical: the parameters are too uncertain; give them"
             )
-    drawn = dict(zip(names, np.array(kept).T, strict=True))
+    drawn = dict(zip(names, np.array(accepted).T, strict=True))
     shapes = [
         with_values(waveform, {name: float(values[k]) for name, values in drawn.items()})
-        for k in range(len(kept))
+        for k in range(len(accepted))
     ]
-    sets = {name: drawn.get(name, np.full(len(kept), value)) for name, value in known.items()}
+    sets = {name: drawn.get(name, np.full(len(accepted), value)) for name, value in known.items()}
     return sets, shapes, refused
 
 
 def scene_of(impacts: xr.Dataset, rebound: str, waveform: Waveform, restitution_law: str) -> Scene:
-    """Make the scene of one particle that is launched at t = 0 over the base of a recording."""
+    """Make the scene of one particle launched at t = 0 over the base of a recording."""
     base = BASE_OF_MOTION[impacts.attrs["base_motion"]]
     return Scene(
         1, (0.0,), rebound=rebound, base=base, waveform=waveform, restitution_law=restitution_law
@@ -311,22 +310,22 @@ def scene_of(impacts: xr.Dataset, rebound: str, waveform: Waveform, restitution_
 
 
 class FirstFlights(NamedTuple):
-    """Particles with a whole flight, and where the first flight of each begins."""
+    """Particles with a complete flight, and the start of the first one."""
 
     particle: Indices
     # start, speed: time (s) and speed (m s-1) of its lift-off
     start: Array
     speed: Array
-    # Parameters of shape (draw * particle,), a realization for each particle: a launch at time t
-    # equals one at t = 0 with the phase phi + 2 pi f t
+    # Parameters of shape (draw * particle,), one realization per particle: a launch at time t is
+    # equivalent to one at t = 0 with the phase phi + 2 pi f t
     sets: dict[str, Array]
 
 
 def first_flights(impacts: xr.Dataset, parameters: Mapping[str, Array]) -> FirstFlights:
-    """Launch each particle with the lift-off of its first whole flight.
+    """Launch each particle at the lift-off of its first complete flight.
 
-    The parameters are those of `draw_parameters`, of shape (draw,).  Their phase is that at t = 0
-    of the recording, and their launch velocity is not used.
+    The parameters are those of `draw_parameters`, of shape (draw,), with the phase at t = 0 of the
+    recording.  Their launch velocity is not used.
     """
     seen = np.isfinite(impacts["flight_time"].values)
     particle = np.flatnonzero(seen.any(axis=1))
@@ -351,9 +350,9 @@ def predict(
 ) -> dict[str, Array]:
     """Predict mean height (m) and period (s) from a particle's first flight to the end of the film.
 
-    The shape is (draw, particle), with NaN for a particle without a whole flight.  Parameters and
-    waveforms are those of `draw_parameters`, the scene that of `scene_of`.  A particle that appears
-    late is followed for as long as the others.
+    The shape is (draw, particle), with NaN for a particle without a complete flight.  Parameters
+    and waveforms are those of `draw_parameters`, the scene that of `scene_of`.  A particle that
+    appears late is simulated for as long as the others.
     """
     draws = parameters["frequency"].size
     size = draws, impacts.sizes["particle"]
@@ -362,17 +361,17 @@ def predict(
     if flown.size:
         length = impacts.attrs["end"] - float(start.min())
         for shape in dict.fromkeys(waveforms):
-            alike = np.array([waveform == shape for waveform in waveforms])
-            chosen = {name: values[np.repeat(alike, flown.size)] for name, values in sets.items()}
+            same = np.array([waveform == shape for waveform in waveforms])
+            chosen = {name: values[np.repeat(same, flown.size)] for name, values in sets.items()}
             lasting = replace(scene, duration=length, waveform=shape)
             found = measure(all_parameters(chosen), lasting, workers)
             for mean, name in zip(means.values(), MEANS, strict=True):
-                mean[np.ix_(alike, flown)] = found[name].reshape(-1, flown.size)
+                mean[np.ix_(same, flown)] = found[name].reshape(-1, flown.size)
     return means
 
 
 # -----------------------------------------------------------------------------
-# Simulated copy of a recording: the predicted motion, filmed and measured like the real one.
+# Synthetic recording: the predicted motion, filmed and measured like the real one.
 #
 # The errors of this measurement are those of the camera alone, because the motion is the
 # prediction.
@@ -388,10 +387,10 @@ def camera_shares(
     scene: Scene,
     options: ComparisonOptions,
 ) -> Array:
-    """Errors in per cent that frames alone cause, and those that pixels add.
+    """Errors in per cent due to frames alone, and additional errors due to pixels.
 
-    Their shape is (2, quantity, reading).  `numbers` are the parameters of the prediction, and the
-    `scene` is one of `scene_of`.
+    The shape is (2, quantity, reading).  `numbers` are the parameters of the prediction, and
+    `scene` is a result of `scene_of`.
     """
     motions = predicted_motions(impacts, numbers, scene)
     time = tracks["time"].values
@@ -399,7 +398,7 @@ def camera_shares(
     means = [motion.means(time[0], time[-1]) for motion in motions]
     predicted = dict(zip(QUANTITIES, np.array(means).T, strict=True))
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
-    # the fit of a moving base is weighted with the noise, which must not be zero
+    # the fit of a moving base is weighted by the noise, which must not be zero
     least = 0.0 if impacts.attrs["base_motion"] == "level" else 0.01
     setup = options.setup
     if setup.base is None:
@@ -414,7 +413,7 @@ def camera_shares(
 
 
 def _exact_trace(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
-    """Trace of the predicted base, as if it had been measured to one part in a million."""
+    """Trace of the predicted base, with an accuracy of one part in a million."""
     velocity = numbers["amplitude"] / (1.0 + numbers["restitution"])
     values = []
     for h, weight, psi in waveform.harmonics:
@@ -431,7 +430,7 @@ def _exact_trace(numbers: Mapping[str, float], waveform: Waveform) -> Trace:
 def predicted_motions(
     impacts: xr.Dataset, numbers: Mapping[str, float], scene: Scene
 ) -> list[Motion]:
-    """Predict the motion of each particle with a whole flight, on the clock of the recording."""
+    """Predict the motion of each particle with a complete flight, on the clock of the recording."""
     best = {name: np.array([value]) for name, value in numbers.items()}
     _, start, speed, sets = first_flights(impacts, best)
     problem = dimensionless(all_parameters(sets), impacts.attrs["end"] - float(start.min()))
@@ -460,7 +459,7 @@ def _measurement_error(
     options: ComparisonOptions,
     setup: Setup,
 ) -> Array:
-    """Film true heights, measure them, and return the errors of `predicted` against them."""
+    """Film true heights, measure them, and return the errors of `predicted` relative to them."""
     height = film(true, camera, np.random.default_rng(options.seed))
     tracks = make_tracks(time, height, source="the predicted motion, filmed as the recording was")
     fitted = fit_tracks(tracks, options.gravity, setup)
@@ -472,19 +471,19 @@ def _measurement_error(
 # -----------------------------------------------------------------------------
 # Comparison of recordings with prediction, and the sources of its errors.
 
-# Parameters that may be given: a particle is launched with the speed of its first flight
+# Parameters that may be given; the launch velocity is that of a particle's first flight
 KNOWN: Final = {
     name: parameter
     for name, parameter in {**PARAMETERS, **OF_RESTITUTION}.items()
     if name != "launch_velocity"
 }
-# Flights of two predictions, whose starts differ by the error of a measurement, are as far apart as
-# this share of the standard deviation of the flights of one: they are irregular
+# The motion is irregular if the flights of two predictions, whose initial conditions differ by the
+# measurement error, differ by this fraction of the standard deviation of flights
 APART: Final = 0.5
-REGULAR: Final = 1e-3  # relative standard deviation of flights that are all alike
-FEWEST: Final = 8  # flights with which this can be told
-COPIES: Final = 12  # predictions from starts that differ by the error of a measurement
-LIMIT: Final = 0.95  # share of the distances of two predictions below the limit of chance
+REGULAR: Final = 1e-3  # relative standard deviation below which all flights count as equal
+FEWEST: Final = 8  # flights needed for this test
+COPIES: Final = 12  # predictions from initial conditions that differ by the measurement error
+LIMIT: Final = 0.95  # quantile of the distances between two predictions that is the limit of chance
 MOST_DRAWS: Final = 10**6
 SHARES: Final = ("frames", "pixels", "parameters")
 
@@ -515,8 +514,8 @@ def compare_tracks(
     rebound
         Law of rebound, ``"rest"`` or ``"reflect"``.
     restitution_law
-        Law of a known restitution.  An estimated restitution has the best law if the bounces rule
-        out a constant one.
+        Law of a known restitution.  With an estimated restitution the best law is used if the
+        bounces rule out a constant one.
     draws
         Parameter sets drawn within the errors of an estimate, at least 2.
     seed
@@ -539,14 +538,14 @@ def compare_tracks(
         Dims (case, quantity):
 
         - ``measured``, ``measured_sd`` over the repeats, and ``predicted`` (m, s);
-        - ``distribution_distance``: largest difference of the cumulative distributions of measured
-          and predicted flights, which counts where the motion is irregular.
+        - ``distribution_distance``: largest difference between the cumulative distributions of
+          measured and predicted flights, the relevant measure for irregular motion.
 
         Dim case:
 
-        - ``irregular``: share of particles whose single flights cannot be predicted;
-        - ``distribution_chance``: distance that two predictions exceed in 5 %, whose starts differ
-          by the error of their measurement; flights of one orbit are not independent;
+        - ``irregular``: fraction of particles whose individual flights cannot be predicted;
+        - ``distribution_chance``: distance that two predictions whose initial conditions differ by
+          the measurement error exceed in 5 %; flights of one orbit are not independent;
         - ``particles``, ``repeats``, ``compared``, and the parameters used.
 
         Attributes: the base, the ``waveform`` and the ``restitution_law`` of the prediction.
@@ -601,7 +600,7 @@ def _case(repeats: Sequence[xr.Dataset]) -> xr.Dataset:
     """Average over the recordings with one number of particles."""
     every = xr.concat(repeats, "repeat", combine_attrs="drop_conflicts")
     means = every.mean("repeat", keep_attrs=True)
-    # contributions to an error, and standard errors, are averaged in quadrature
+    # contributions to an error, and standard errors, are averaged as root mean squares
     for name in [*SHARES, *(name for name in means if str(name).endswith("_error"))]:
         means[name].values = np.sqrt((every[name] ** 2).mean("repeat").values)
     words = {"long_name": "standard deviation over the repeats"}
@@ -614,7 +613,7 @@ def _case(repeats: Sequence[xr.Dataset]) -> xr.Dataset:
 
 
 def _check(recordings: Sequence[xr.Dataset], options: ComparisonOptions) -> None:
-    """Refuse wrong arguments before any recording is measured."""
+    """Check all arguments before any recording is measured."""
     require_one_of("method", options.method, METHODS, TrackError)
     if not recordings:
         raise TrackError("there is no recording to compare: give at least one")
@@ -637,7 +636,7 @@ def _check(recordings: Sequence[xr.Dataset], options: ComparisonOptions) -> None
 def _compare_recording(
     tracks: xr.Dataset, options: ComparisonOptions, workers: Workers
 ) -> xr.Dataset:
-    """Compare one recording with its prediction, and split the errors into contributions."""
+    """Compare one recording with its prediction, and split the error into contributions."""
     fitted = fit_tracks(tracks, options.gravity, options.setup)
     by_fit = impacts_of(tracks, fitted, options.gravity, "fit")
     impacts = impacts_of(tracks, fitted, options.gravity, options.method)
@@ -689,12 +688,12 @@ def _compare_recording(
 def _distributions(
     impacts: xr.Dataset, used: dict[str, float], scene: Scene, among: Flags
 ) -> tuple[float, Array, float]:
-    """Compare flights as a whole.
+    """Compare the distributions of flights.
 
-    Returns the share of particles whose single flights cannot be predicted, because a start that
-    differs by the error of its measurement leads to others; the largest differences of the
-    cumulative distributions of heights and of periods; and that which two predictions exceed in
-    5 %.
+    Returns the fraction of particles whose individual flights cannot be predicted, because the
+    measurement error of the initial conditions grows; the largest differences between the
+    cumulative distributions of heights and of periods; and the difference that two predictions
+    exceed in 5 %.
     """
     error = impacts.attrs["gravity"] * float(np.nanmedian(impacts["landing_time_error"]))
     copies = [
@@ -719,12 +718,12 @@ def _distributions(
             irregular.append(apart > APART * spread > APART * REGULAR * float(first.mean()))
     measured = np.stack([impacts[name].values[among] for name in MEASURED_AS.values()])
     measured = measured[:, np.isfinite(measured).all(axis=0)]
-    # flights that are lower or shorter than all measured ones are too small to be seen
+    # flights lower or shorter than all measured ones are too small to be seen
     least = measured.min(axis=1, keepdims=True, initial=np.inf)
     every = [np.concatenate(own, axis=1) for own in flights]
     predicted = [own[:, (own >= least).all(axis=0)] for own in every]
     found = [_distance(measured[k], predicted[0][k]) for k in range(len(QUANTITIES))]
-    # between two predictions, whose flights follow from each other as those of a recording do
+    # between two predictions, whose flights are correlated like those of a recording
     pairs = combinations(predicted, 2)
     chance = [max(map(_distance, one, other)) for one, other in pairs]
     limit = float(np.quantile(chance, LIMIT))
@@ -741,7 +740,7 @@ def _distance(one: Array, other: Array) -> float:
 def _table(
     errors: Sequence[Array], means: Sequence[Any], numbers: Mapping[str, tuple[Any, str, str]]
 ) -> xr.Dataset:
-    """Dataset of one recording: errors and their contributions, means, and single numbers."""
+    """Dataset of one recording: errors and their contributions, means, and scalars."""
     words = {"error": "|measured - predicted| / measured"}
     words |= {name: f"error due to {name}" for name in SHARES}
     percent = {

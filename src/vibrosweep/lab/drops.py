@@ -1,4 +1,4 @@
-"""Restitution of a ball on a floor: bounces of all drops, pooled, with components of variance."""
+"""Restitution of a ball on a floor: bounces of all drops, pooled, with variance components."""
 
 from __future__ import annotations
 
@@ -37,48 +37,48 @@ from vibrosweep.model.restitution_laws import (
 __all__ = ["restitution"]
 
 # -----------------------------------------------------------------------------
-# Mean and scatter of bounces: a linear model with components of variance.
+# Mean and scatter of bounces: a linear model with variance components.
 #
 # A drop gives rows z = X b + errors, whose covariance is
 #
-#     fixed + timing^2 T + scatter^2 I + (from drop to drop)^2 1 1'
+#     fixed + timing^2 T + scatter^2 I + drop_scatter^2 1 1'
 #
 # Restricted likelihoods on a grid of the three components are weighted with a prior and averaged,
-# so that the uncertainty of the components, which is large for a few bounces or drops, is in the
-# errors of b.  Inputs that are known within a range are columns of X with a prior of variance 1.
+# so that the errors of b include the uncertainty of the components, which is large for a few
+# bounces or drops.  Inputs known within a range are columns of X with a prior of variance 1.
 
-NODES: Final = 8  # of the grid, for each component
-FIRST_NODES: Final = (32, 4, 4)  # of the first one: error of a bounce, share of clicks, drops
-ERRORS: Final = (1e-6, 0.5)  # of a bounce, and from drop to drop
+NODES: Final = 8  # of the grid, along each component
+FIRST_NODES: Final = (32, 4, 4)  # of the first grid: error of a bounce, share of timing, drops
+ERRORS: Final = (1e-6, 0.5)  # range of the error of a bounce, and of the scatter of drops
 ZOOMS: Final = 4
-FAINT: Final = 9.0  # a node whose log density is lower by as much does not matter
-CLICK: Final = 2e-5  # s: a sample of sound, finer than which nobody hears
-# Scale of the prior (Cauchy) of what differs from drop to drop, which two drops hardly determine
+NEGLIGIBLE: Final = 9.0  # nodes whose log density is lower than the maximum by this are ignored
+CLICK: Final = 2e-5  # s: about a sample of a sound recording, the finest timing
+# Scale of the Cauchy prior of the scatter between drops, which two drops hardly determine
 DROP_SCALE: Final = 0.01
-DEVIATES: Final = np.linspace(-4.0, 4.0, 25)  # at which a column has nodes
-LEAST: Final = 1e-6  # error of e that is as good as none
+DEVIATES: Final = np.linspace(-4.0, 4.0, 25)  # nodes of a column, in standard deviations
+LEAST: Final = 1e-6  # negligible error of e
 QUANTILES: Final = (0.025, 0.1587, 0.8413, 0.975)
 COMPONENTS: Final = ("timing", "scatter", "drop_scatter")
 
 
 class Rows(NamedTuple):
-    """Rows of all drops, each filled up with rows that say nothing."""
+    """Rows of all drops, padded with rows without information."""
 
     value: Array  # (drop, row)
     design: Array  # (drop, row, column)
-    fixed: Array  # (drop, row, row), 1 on the diagonal of rows that say nothing
+    fixed: Array  # (drop, row, row), 1 on the diagonal of padding
     timing: Array  # (drop, row, row)
-    bounce: Array  # (drop, row), 1 for a bounce, 0 for others
+    bounce: Array  # (drop, row), 1 for a bounce, 0 for other rows
 
 
 class Fit(NamedTuple):
-    """Average over the grid of components: nodes with weights."""
+    """Posterior of the components on a grid: nodes with weights."""
 
     weight: Array  # (node,)
     nodes: Array  # (node, component)
     mean: Array  # (node, column)
     covariance: Array  # (node, column, column)
-    evidence: float  # logarithm of the likelihood, averaged over the prior
+    evidence: float  # logarithm of the marginal likelihood
 
     @property
     def components(self) -> Array:
@@ -98,15 +98,15 @@ class Fit(NamedTuple):
         return float(self.weight @ ndtr((value - self.mean[:, column]) / sd))
 
     def quantile(self, column: int, share: float) -> float:
-        """Return the value below which a column lies with this probability."""
+        """Return a quantile of a column."""
         sd = np.sqrt(self.covariance[:, column, column])
         low, high = (self.mean[:, column] - 60 * sd).min(), (self.mean[:, column] + 60 * sd).max()
         return float(brentq(lambda x: self.share_below(column, x) - share, low, high))
 
     def reweighted(self, column: int, log_factor: Callable[[Array], Array]) -> Fit:
-        """Multiply the prior of a column by a factor: its values become nodes."""
+        """Multiply the prior of a column by a factor, on a grid of its values."""
         mean, sd = self.mean[:, column], np.sqrt(self.covariance[:, column, column])
-        seen = self.weight > np.exp(-FAINT) * self.weight.max()
+        seen = self.weight > np.exp(-NEGLIGIBLE) * self.weight.max()
         at = mean[seen, None] + sd[seen, None] * DEVIATES
         density = np.log(self.weight[seen, None]) - 0.5 * DEVIATES**2 + log_factor(at)
         weight = np.exp(density - density.max())
@@ -114,20 +114,20 @@ class Fit(NamedTuple):
         means = self.mean[seen, None] + slope[:, None] * DEVIATES[:, None]
         left = self.covariance[seen] - slope[:, :, None] * slope[:, None, :]
         n, size = means.shape[:2]
-        kept = (weight > np.exp(-FAINT) * weight.max()).ravel()
+        relevant = (weight > np.exp(-NEGLIGIBLE) * weight.max()).ravel()
         return Fit(
-            weight.ravel()[kept] / weight.ravel()[kept].sum(),
-            np.repeat(self.nodes[seen], size, axis=0)[kept],
-            means.reshape(n * size, -1)[kept],
-            np.repeat(left, size, axis=0)[kept],
+            weight.ravel()[relevant] / weight.ravel()[relevant].sum(),
+            np.repeat(self.nodes[seen], size, axis=0)[relevant],
+            means.reshape(n * size, -1)[relevant],
+            np.repeat(left, size, axis=0)[relevant],
             self.evidence,
         )
 
     def component_quantile(self, which: int, share: float) -> float:
-        """Return the value below which a component lies with this probability."""
+        """Return a quantile of a component."""
         values, place = np.unique(self.nodes[:, which], return_inverse=True)
         between = (values[1:] + values[:-1]) / 2.0
-        # the cells of the first and the last node end as far beyond them
+        # the first and the last cell are symmetric about their nodes
         edges = [2.0 * values[0] - between[:1], between, 2.0 * values[-1] - between[-1:]]
         total = np.cumsum(np.bincount(place, self.weight))
         if not between.size:
@@ -161,12 +161,11 @@ def solve(rows: Rows, nodes: Array, prior: Array) -> tuple[Array, ...]:
 def fit_components(
     rows: Rows, prior: Array, free: tuple[bool, bool, bool], zooms: int = ZOOMS
 ) -> Fit:
-    """Average over the components that are `free`; `prior` holds the precision of each column.
+    """Average over the `free` components; `prior` holds the precision of each column.
 
-    Data determine the error of a bounce, which clicks and scatter make together, far better than
-    the share of the clicks.  The grid is therefore one of both, even in the logarithm of the error,
-    and in the roots of an angle for the share and of what differs from drop to drop, so that 0 is
-    resolved.
+    Data determine the error of a bounce, the sum of timing and scatter, far better than the share
+    of the timing.  The grid is therefore in both: uniform in the logarithm of the error, and in the
+    square roots of an angle for the share and of the scatter between drops, so that it resolves 0.
     """
     by_timing = _typical(rows)[1]
     box = np.array([np.log(ERRORS), [0.0, (np.pi / 2.0) ** 0.5], [0.0, ERRORS[1] ** 0.5]])
@@ -187,16 +186,16 @@ def fit_components(
         nodes = np.stack([clicks, scatter, drops], axis=1)
         parts = [solve(rows, part, prior) for part in np.array_split(nodes, len(nodes) // 64 + 1)]
         loglik, mean, covariance, _ = (np.concatenate(p) for p in zip(*parts, strict=True))
-        # sizes of the cells: d log(error), and d(error) d(error angle), and those of the roots
+        # volumes of the cells: d log(error), d(error) d(error angle), and those of the square roots
         sizes = place[:, 0] * (int(free[0]) + int(free[1]))
         sizes += np.log(np.where(kinds[1:], place[:, 1:], 1.0)).sum(1)
         density = loglik + _log_prior(rows, nodes, free) + sizes
-        seen = density > density.max() - FAINT
+        seen = density > density.max() - NEGLIGIBLE
         for k in np.flatnonzero(kinds):
-            # at first the error is too coarse for shares to be judged
+            # the first grid of the error is too coarse to judge shares
             if zoom or k == 0:
                 near = np.flatnonzero(np.isin(middles[k], place[seen, k]))
-                # with a cell on either side, as the density may be higher between the nodes
+                # plus a cell on either side, because the density may peak between the nodes
                 box[k] = edges[k][[max(near[0] - 1, 0), min(near[-1] + 2, counts[k])]]
     weight = np.exp(density - density.max())
     evidence = float(density.max() + np.log(weight.sum()))
@@ -204,7 +203,7 @@ def fit_components(
 
 
 def _typical(rows: Rows) -> tuple[float, float]:
-    """Return typical standard deviations of a bounce: by `fixed`, and by a unit of timing."""
+    """Return typical standard deviations of a bounce: from `fixed`, and from a unit of timing."""
     used = rows.bounce > 0.0
     return tuple(  # type: ignore[return-value]
         max(float(np.sqrt(np.median(np.einsum("drr->dr", part)[used]))), LEAST)
@@ -213,10 +212,11 @@ def _typical(rows: Rows) -> tuple[float, float]:
 
 
 def _log_prior(rows: Rows, nodes: Array, free: tuple[bool, bool, bool]) -> Array:
-    """Scale-free priors: of clicks down to `CLICK`, of the others down to all other errors.
+    """Scale-free priors: for timing down to `CLICK`, for scatter down to the other errors.
 
-    A prior that is even in a component expects the largest that the data allow, and so too little
-    of the others.  That of drops, which two drops hardly determine, falls off as Cauchy's.
+    A uniform prior favours the largest values of a component that the data allow, at the expense of
+    the others.  The prior of the scatter between drops, which two drops hardly determine, falls off
+    like a Cauchy distribution.
     """
     by_fixed, by_timing = _typical(rows)
     (clicks, scatter, drops), bounces = nodes.T, rows.bounce.sum(1)
@@ -229,7 +229,7 @@ def _log_prior(rows: Rows, nodes: Array, free: tuple[bool, bool, bool]) -> Array
 
 
 def component_variables(fit: Fit) -> dict[str, Any]:
-    """Return median, quantiles and 95 % limit of each component, NaN where it is not determined."""
+    """Return median, quantiles and 95 % limit of each component, NaN if it is not determined."""
     found: dict[str, Any] = {}
     for k, name in enumerate(COMPONENTS):
         given = fit.nodes[:, k].any()
@@ -243,14 +243,14 @@ def component_variables(fit: Fit) -> dict[str, Any]:
 
 
 def weighted_residuals(rows: Rows, fit: Fit) -> tuple[Array, Array]:
-    """Return residuals divided by their covariance, and the inverse of the covariance."""
+    """Return residuals multiplied by the inverse of their covariance, and the inverse."""
     inverse = np.linalg.inv(covariance_of(rows, fit.components[None])[0])
     left = rows.value - rows.design @ fit.moments()[0]
     return np.einsum("drs,ds->dr", inverse, left), inverse
 
 
-def odd_row(rows: Rows, fit: Fit) -> tuple[float, int, int]:
-    """Return the bounce that is farthest from what the others say: how far, its drop, its row."""
+def largest_outlier(rows: Rows, fit: Fit) -> tuple[float, int, int]:
+    """Return the largest deviation of a bounce from the fit to the others, its drop and row."""
     pulled, inverse = weighted_residuals(rows, fit)
     far = pulled / np.sqrt(np.einsum("drr->dr", inverse))
     far = np.abs(far) * rows.bounce
@@ -258,8 +258,8 @@ def odd_row(rows: Rows, fit: Fit) -> tuple[float, int, int]:
     return float(far[drop, row]), int(drop), int(row)
 
 
-def without(rows: Rows, drop: int, row: int) -> Rows:
-    """Return rows of which one says nothing."""
+def without_row(rows: Rows, drop: int, row: int) -> Rows:
+    """Return the rows with one of them masked."""
     parts = [np.array(part) for part in rows]
     for part in (0, 1, 4):
         parts[part][drop, row] = 0.0
@@ -270,7 +270,7 @@ def without(rows: Rows, drop: int, row: int) -> Rows:
 
 
 def stack(blocks: list[tuple[Array, Array, Array, Array, Array]]) -> Rows:
-    """Make rows of blocks of value, design, fixed, timing and bounce, one for each drop."""
+    """Combine blocks of value, design, fixed, timing and bounce, one for each drop."""
     longest = max(len(block[0]) for block in blocks)
     made = []
     for value, design, fixed, timing, bounce in blocks:
@@ -292,25 +292,25 @@ def stack(blocks: list[tuple[Array, Array, Array, Array, Array]]) -> Rows:
 # -----------------------------------------------------------------------------
 # Bounces of all drops, pooled: restitution, its dependence on the speed, its scatter.
 
-ODD: Final = 4.0  # standard deviations of a bounce that is left out
-MOST_ODD: Final = 0.1  # share of bounces that may be left out
-FEWEST_TESTED: Final = 3  # more bounces than these show whether e changes
-FALLS: Final = 0.01  # size of the one-sided test of an e that falls with speed
-RISES: Final = 0.001  # and of one that rises, which no law of this package does
-EQUAL: Final = 6.63  # deviances that differ by less fit equally (1 %, one parameter)
+OUTLIER: Final = 4.0  # standard deviations from which a bounce is an outlier
+MOST_OUTLIERS: Final = 0.1  # largest share of outliers
+FEWEST_TESTED: Final = 3  # with more bounces than this, a slope of e is tested
+FALLS: Final = 0.01  # significance level of the one-sided test for an e that falls with speed
+RISES: Final = 0.001  # and for one that rises, as in no law of this package
+EQUAL: Final = 6.63  # difference of deviance below which laws fit equally (1 %, one parameter)
 LINE: Final = "line"
-EDGE: Final = 0.1  # of the logarithm, to which a range is exact
-TERMINAL: Final = 20.0  # m s-1, a terminal speed whose effect is stated
-LINEARIZED: Final = 3  # times that clicks are adjusted
-STARTS: Final = 7  # contacts that are tried first
-ROUGH: Final = 2  # zooms of a fit that is only a step
-SMOOTH: Final = 1e4  # precision that stands for an input without error
+EDGE: Final = 0.1  # of the logarithm: width of the smoothed ends of a range
+TERMINAL: Final = 20.0  # m s-1, terminal speed for which the effect of drag is stated
+LINEARIZED: Final = 3  # relinearizations about adjusted clicks
+STARTS: Final = 7  # trial contact times
+ROUGH: Final = 2  # zooms of an intermediate fit
+SMOOTH: Final = 1e4  # precision that represents an exact input
 
 
-def _even(one: Input, deviate: Array) -> Array:
-    """Return the logarithm of a prior that is even in the logarithm, over a normal one.
+def _log_uniform(one: Input, deviate: Array) -> Array:
+    """Return the logarithm of the ratio of a log-uniform to a normal prior.
 
-    Beyond the ends of the range it falls off smoothly.
+    The log-uniform prior falls off smoothly beyond the ends of its range.
     """
     low, high = one.ends or (0.0, np.inf)
     value = np.maximum(one.value + one.error * deviate, 1e-3 * low)
@@ -319,8 +319,8 @@ def _even(one: Input, deviate: Array) -> Array:
     return np.asarray(-logs - 0.5 * (beyond / EDGE) ** 2 + 0.5 * deviate**2)
 
 
-def _moving(bounces: int, restitution: float, error: float) -> list[str]:
-    """Say that bounces which lose no energy are not those of a floor at rest."""
+def _remark_on_energy(bounces: int, restitution: float, error: float) -> list[str]:
+    """Return a remark if the bounces lose no energy, which a floor at rest does not allow."""
     if bounces <= FEWEST_TESTED or restitution + error < 1.0:
         return []
     return [
@@ -330,7 +330,7 @@ def _moving(bounces: int, restitution: float, error: float) -> list[str]:
 
 
 class Pool:
-    """Drops with the columns of the inputs that matter to them."""
+    """Drops pooled, with a column for each relevant input."""
 
     def __init__(self, drops: list[Bounces], inputs: BallInputs) -> None:
         self.drops = drops
@@ -349,7 +349,7 @@ class Pool:
         }
         self.prior = [1.0 if one.error > 0.0 else SMOOTH for one in self.inputs.values()]
         self.speed = np.concatenate([drop.speed for drop in drops])
-        self.odd: list[tuple[int, int]] = []
+        self.outliers: list[tuple[int, int]] = []
         self.reference = float(np.median(self.speed))
         self.rows = self._rows()
 
@@ -364,43 +364,43 @@ class Pool:
             columns[1][:n] = drop.speed - self.reference
             for name, one in self.inputs.items():
                 slope = drop.inputs.get(name, np.zeros(size))
-                columns.append(slope * self._unit(one))
+                columns.append(slope * self._scale(one))
             value = np.concatenate([drop.restitution, [drop.found[name] for name in names]])
             bounce = np.repeat([1.0, 0.0], [n, len(names)])
             blocks.append((value, np.stack(columns, 1), drop.fixed, drop.timing, bounce))
         return stack(blocks)
 
     @staticmethod
-    def _unit(one: Input) -> float:
+    def _scale(one: Input) -> float:
         return one.error or max(abs(one.value), 1e-6) * 1e-3
 
     @staticmethod
-    def _free(rows: Rows, slope: bool) -> tuple[bool, bool, bool]:
-        """Return which components the bounces can tell."""
+    def _determined(rows: Rows, slope: bool) -> tuple[bool, bool, bool]:
+        """Return which variance components the bounces determine."""
         bounces = int(rows.bounce.sum())
-        heard, many = bool(rows.timing.any()), int((rows.bounce.sum(1) > 0.0).sum()) > 1
-        return heard and bounces > 2, bounces > 1 + slope, many
+        timed, many = bool(rows.timing.any()), int((rows.bounce.sum(1) > 0.0).sum()) > 1
+        return timed and bounces > 2, bounces > 1 + slope, many
 
     def fit(self, rows: Rows, slope: bool, zooms: int = ZOOMS) -> Fit:
-        """Fit with or without a slope, which a precision then holds at 0."""
+        """Fit with or without a slope, which is fixed at 0 by its prior."""
         prior = np.array([0.0, 0.0 if slope else 1e12, *self.prior])
-        fit = fit_components(rows, prior, self._free(rows, slope), zooms)
+        fit = fit_components(rows, prior, self._determined(rows, slope), zooms)
         for k, (name, one) in enumerate(self.inputs.items()):
             if one.ends and not any(name in drop.found for drop in self.drops):
                 fit = fit.reweighted(2 + k, partial(self._prior, name, one))
         return fit
 
     def _prior(self, name: str, one: Input, deviate: Array) -> Array:
-        """Return the logarithm of the prior of an input over a normal one.
+        """Return the logarithm of the ratio of an input's prior to a normal one.
 
-        Scatter is one of restitutions, which follow from intervals: with the contact changes by
-        how much an interval changes a restitution, and so the probability of the interval.
+        The data are intervals, but the scatter is that of restitutions: the Jacobian of this
+        transformation depends on the contact time.
         """
-        factor = _even(one, deviate)
+        factor = _log_uniform(one, deviate)
         if name == "contact":
             contact = one.value + one.error * deviate
             left = {k: set(range(drop.speed.size)) for k, drop in enumerate(self.drops)}
-            for k, row in self.odd:
+            for k, row in self.outliers:
                 left[k].discard(row)
             for k, drop in enumerate(self.drops):
                 if drop.before is None:
@@ -413,7 +413,7 @@ class Pool:
         return factor
 
     def _start(self) -> None:
-        """Linearize about the contact, of a few in its range, that describes times best."""
+        """Linearize about the trial contact time with the highest evidence."""
         one = self.inputs.get("contact")
         if one is None or not one.ends:
             return
@@ -426,23 +426,23 @@ class Pool:
             held = rows._replace(value=rows.value - rows.design[..., column] * deviate)
             prior = np.array([0.0, 0.0, *self.prior])
             prior[column] = 1e12
-            fit = fit_components(held, prior, self._free(rows, slope=True), 1)
+            fit = fit_components(held, prior, self._determined(rows, slope=True), 1)
             evidence = fit.evidence + float(self._prior("contact", one, np.array(deviate)))
             evidence -= 0.5 * deviate**2
             if evidence > best:
-                best, kept = evidence, drops
-        self.drops = kept
+                best, chosen = evidence, drops
+        self.drops = chosen
         self.rows = self._rows()
 
     def _linearize(self, fit: Fit) -> None:
-        """Linearize about the clicks as the fit adjusts them.
+        """Linearize about the clicks as adjusted by the fit.
 
-        Ratios of noisy intervals are biased, and more so their errors with which they are weighted.
+        Ratios of noisy intervals are biased, and even more so the errors that weight them.
         """
         pulled, _ = weighted_residuals(self.rows, fit)
         off = fit.moments()[0][2:]
         at = {
-            name: max(one.value + self._unit(one) * d, 0.1 * one.value)
+            name: max(one.value + self._scale(one) * d, 0.1 * one.value)
             for (name, one), d in zip(self.inputs.items(), off, strict=True)
         }
         for k, drop in enumerate(self.drops):
@@ -452,31 +452,31 @@ class Pool:
             shift = -variance * drop.clicks.T @ pulled[k, : len(drop.clicks)]
             self.drops[k] = drop.about(shift, at)
         self.rows = self._rows()
-        for drop_row in self.odd:
-            self.rows = without(self.rows, *drop_row)
+        for drop_row in self.outliers:
+            self.rows = without_row(self.rows, *drop_row)
 
-    def _without_odd(self) -> Fit:
-        limit = MOST_ODD * self.rows.bounce.sum()
+    def _without_outliers(self) -> Fit:
+        limit = MOST_OUTLIERS * self.rows.bounce.sum()
         slope = self.rows.bounce.sum() > 3 and float(np.ptp(self.speed)) > 0.0
-        heard = any(drop.about for drop in self.drops)
-        if heard and slope:
+        timed = any(drop.about for drop in self.drops)
+        if timed and slope:
             self._start()
         fit = self.fit(self.rows, slope, ROUGH)
-        for _ in range(LINEARIZED if heard else 0):
+        for _ in range(LINEARIZED if timed else 0):
             self._linearize(fit)
             fit = self.fit(self.rows, slope, ROUGH)
-        while len(self.odd) + 1 <= limit:
-            far, drop, row = odd_row(self.rows, fit)
-            if far < ODD:
+        while len(self.outliers) + 1 <= limit:
+            far, drop, row = largest_outlier(self.rows, fit)
+            if far < OUTLIER:
                 break
-            self.odd.append((drop, row))
-            self.rows = without(self.rows, drop, row)
+            self.outliers.append((drop, row))
+            self.rows = without_row(self.rows, drop, row)
             fit = self.fit(self.rows, slope, ROUGH)
         return self.fit(self.rows, slope)
 
     def result(self, remarks: list[str]) -> xr.Dataset:
         """Return the result of the pool."""
-        line = self._without_odd()
+        line = self._without_outliers()
         constant = self.fit(self.rows, slope=False)
         mean, covariance = line.moments()
         bounces = int(self.rows.bounce.sum())
@@ -484,7 +484,7 @@ class Pool:
         below = line.share_below(1, 0.0) if tested else 0.5
         falls, rises = 1.0 - below < FALLS, below < RISES
         chosen = line if falls or rises else constant
-        if tested:  # the speed at which e and slope are independent, so that both fits agree
+        if tested:  # the speed at which e and slope are uncorrelated, so that both fits agree
             shift = -covariance[0, 1] / covariance[1, 1]
             low, high = self.speed.min(), self.speed.max()
             speed = float(np.clip(self.reference - shift, low, high))
@@ -530,13 +530,15 @@ class Pool:
             "dependence": words,
             "speed_known": int(all(drop.speed_known for drop in self.drops)),
             "filmed": int(filmed),
-            "remarks": "\n".join([*remarks, *self._remarks(), *_moving(bounces, e, error)]),
+            "remarks": "\n".join(
+                [*remarks, *self._remarks(), *_remark_on_energy(bounces, e, error)]
+            ),
         }
         return xr.Dataset(variables, coords=coordinates, attrs=attributes)
 
     def _remarks(self) -> list[str]:
         texts = [f"{drop.name}: {text}" for drop in self.drops for text in drop.remarks]
-        for k, row in self.odd:
+        for k, row in self.outliers:
             drop = self.drops[k]
             texts.append(
                 f"{drop.name}: the bounce at {drop.time[row]:.5g} s is an outlier "
@@ -555,7 +557,7 @@ class Pool:
             for d in self.drops
         ]
         used = [
-            [(k, row) not in self.odd for row in range(drop.restitution.size)]
+            [(k, row) not in self.outliers for row in range(drop.restitution.size)]
             for k, drop in enumerate(self.drops)
         ]
         counts = [drop.restitution.size for drop in self.drops]
@@ -567,7 +569,7 @@ class Pool:
         }
 
     def _drop_variables(self, fit: Fit, error: float) -> dict[str, Any]:
-        """Return the restitution of each drop by itself, and with what error another is known."""
+        """Return the restitution of each drop, and the prediction error for another drop."""
         mean, (timing, scatter, _) = fit.moments()[0], fit.components
         alone = covariance_of(self.rows, np.array([[timing, scatter, 0.0]]))[0]
         columns = np.stack([self.rows.bounce, self.rows.value - self.rows.design @ mean], axis=2)
@@ -584,11 +586,11 @@ class Pool:
         }
 
     def _budget(self, fit: Fit, covariance: Array) -> dict[str, Any]:
-        """State each input as the data leave it, and what it contributes to the error of e."""
+        """Return the posterior of each input, and its contribution to the error of e."""
         mean = fit.moments()[0]
         names = list(self.inputs)
         ones = list(self.inputs.values())
-        scales = np.array([self._unit(one) for one in ones])
+        scales = np.array([self._scale(one) for one in ones])
         spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         after = spread[2:]
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -601,7 +603,7 @@ class Pool:
                 for drop in self.drops
             ]
         )
-        heard = not any(drop.gravity for drop in self.drops)
+        timed = not any(drop.gravity for drop in self.drops)
         return {
             "input_value": ("input", np.array([one.value for one in ones]) + mean[2:] * scales)
             if names
@@ -609,7 +611,7 @@ class Pool:
             "input_error": ("input", after * scales if names else [np.nan]),
             "input_effect": ("input", np.abs(shares) if names else [np.nan]),
             "drag_effect": -float(bare.mean()) / TERMINAL**2
-            if heard and "drag" not in self.inputs
+            if timed and "drag" not in self.inputs
             else np.nan,
             "correlation": (("parameter", "other"), correlation),
             "parameter": ("parameter", parameters),
@@ -619,14 +621,14 @@ class Pool:
     def _laws(
         self, line: Fit, speed: float, words: str, named: bool
     ) -> list[tuple[str, float, float, float]]:
-        """Return the laws that fit, with restitution, speed, and deviance above the best."""
+        """Return the laws that fit, with restitution, speed, and deviance relative to the best."""
         nodes = line.components[None]
         used = np.flatnonzero(self.rows.bounce.ravel() > 0.0)
         v = self.rows.design[..., 1] + self.reference
         tried: list[tuple[str, float, float, float]] = []
 
         def deviance(shape: Array, slope: bool) -> tuple[float, float]:
-            """Fit a multiple of a shape, or a line."""
+            """Return the deviance of a multiple of a shape or of a line, and the restitution."""
             design = self.rows.design.copy()
             design[..., 0] = self.rows.bounce * shape
             prior = np.array([0.0, 0.0 if slope else 1e12, *self.prior])
@@ -648,7 +650,7 @@ class Pool:
         tried.append((PLASTIC, best[1], best[2], best[0]))
         if LEAST_VISCOELASTIC < e0 < 1.0:
             e = e0
-            for _ in range(6):  # the law is nearly proportional to its restitution
+            for _ in range(6):  # because the law is only nearly proportional to its restitution
                 shape = restitution_at(
                     speeds, min(max(e, LEAST_VISCOELASTIC), 0.9999), VISCOELASTIC, speed
                 )
@@ -657,9 +659,9 @@ class Pool:
             if LEAST_VISCOELASTIC <= e < 1.0:
                 tried.append((VISCOELASTIC, e, speed, square))
         least = min(law[3] for law in tried)
-        kept = [law for law in tried if law[3] - least < EQUAL]
-        kept = [law for law in kept if law[0] != CONSTANT or words == CONSTANT]
-        return [(a, b, c, d - least) for a, b, c, d in sorted(kept, key=lambda law: law[3])]
+        fitting = [law for law in tried if law[3] - least < EQUAL]
+        fitting = [law for law in fitting if law[0] != CONSTANT or words == CONSTANT]
+        return [(a, b, c, d - least) for a, b, c, d in sorted(fitting, key=lambda law: law[3])]
 
 
 # -----------------------------------------------------------------------------
@@ -678,26 +680,25 @@ def restitution(
     begin: float | None = None,
     end: float | None = None,
 ) -> xr.Dataset:
-    """Measure the restitution of a ball on a floor that is at rest.
+    """Measure the coefficient of restitution of a ball on a floor at rest.
 
     Parameters
     ----------
     recordings
-        Drops of one ball: films, or times of impacts, as `read_recordings` returns them.
+        Drops of one ball, as films or times of impacts, from `read_recordings`.
     contact
-        Length of a contact in s, or its range; by default 0.2 to 5 ms.
+        Contact time in s, or its range; by default 0.2 to 5 ms.
     mass, diameter
-        Of the ball, in kg and m, from which its drag in air follows.  Otherwise films determine
-        the drag, and times are evaluated without.
+        Mass (kg) and diameter (m) of the ball, which give its drag in air.  By default films
+        determine the drag, and times are evaluated without drag.
     gravity
-        In m s-2, or its range.
+        Gravity in m s-2, or its range.
     drop_height
-        Height (m) from which the ball was dropped, or its range: the first fall then counts.
+        Height (m) from which the ball was dropped, or its range; the first fall is then used too.
     scale_from_gravity
-        Whether speeds in films are computed with the scale of free fall instead of that of the
-        file.
+        Take the scale of films from free fall instead of from the file.
     begin, end
-        Part of the recordings that is used, in s.
+        Beginning and end of the part of the recordings that is used, in s.
 
     Returns
     -------
@@ -711,11 +712,12 @@ def restitution(
           ``law_deviance``;
         - along ``bounce``: ``bounce_restitution``, ``bounce_speed``, ``bounce_time``,
           ``bounce_error``, ``bounce_used``, ``bounce_drop``;
-        - along ``drop``: ``drop_restitution`` of each drop by itself with its error, and
-          ``drop_gravity``, as films show it;
-        - ``prediction_error``: error with which the mean restitution of another drop is known;
-        - along ``group``: restitution, error and speed of the groups that files name;
-        - along ``input``: ``input_value``, ``input_error`` and ``input_effect`` on the restitution;
+        - along ``drop``: ``drop_restitution`` of each single drop with its error, and the
+          apparent ``drop_gravity`` in films;
+        - ``prediction_error``: prediction error of the mean restitution of another drop;
+        - along ``group``: restitution, error and speed of the groups named in the files;
+        - along ``input``: ``input_value``, ``input_error`` and its contribution ``input_effect`` to
+          the error of the restitution;
         - ``correlation`` of the parameters.
 
     Raises
@@ -781,9 +783,9 @@ def _samples(fits: list[FilmFit], first: int) -> dict[str, Any]:
 
 def _cut(recording: Recording, begin: float | None, end: float | None) -> Recording:
     low, high = (-np.inf if begin is None else begin), (np.inf if end is None else end)
-    kept = (recording.time >= low) & (recording.time <= high)
-    parts: dict[str, Any] = {"time": recording.time[kept]}
+    used = (recording.time >= low) & (recording.time <= high)
+    parts: dict[str, Any] = {"time": recording.time[used]}
     for name in ("height", "horizontal", "peaks"):
         values = getattr(recording, name)
-        parts[name] = None if values is None else values[kept]
+        parts[name] = None if values is None else values[used]
     return replace(recording, **parts)

@@ -24,17 +24,17 @@ from vibrosweep.lab.base_fit import (
     FittedLaw,
     Law,
     Speeds,
+    best_fit,
     failed_fit,
     fit_law,
     frequencies_to_try,
     is_improbable,
     is_unphysical,
     law_variables,
-    laws_left,
-    nearest_fit,
     ordinary_least_squares,
+    possible_laws,
     preferred_law,
-    spread_of_influences,
+    robust_covariance,
     weakest_signal,
     widen,
     with_speed,
@@ -55,12 +55,12 @@ __all__ = ["estimate", "fit_phase"]
 # -----------------------------------------------------------------------------
 # Bounces as equations between landing times, which a camera measures.
 #
-# Gravity is known, so that the speeds before and after the bounce at t are
-# v = g (t - previous lift-off) / 2 and v' = g (next landing - t) / 2, and the map of a bounce
+# Gravity is known, so that the speeds before and after a bounce at time t are
+# v = g (t - previous lift-off) / 2 and v' = g (next landing - t) / 2, and the impact map
 #
 #     v' = e v + S sin(2 pi f t) + C cos(2 pi f t),      S = A cos phi,   C = A sin phi
 #
-# involves three neighbouring instants, which all have errors.
+# involves three successive instants, which all have errors.
 
 # Half bandwidth of the covariance of the equations: a bounce shares an instant with the second
 # bounce after it, and the errors of neighbouring instants are correlated.
@@ -83,13 +83,13 @@ class Bounces:
     gravity: float  # m s-2
 
     def speeds(self, instant: Array | None = None) -> Speeds:
-        """Return time and speeds of each bounce, from other instants if these are given."""
+        """Return time and speeds of each bounce, optionally from other instants."""
         t = self.instant if instant is None else instant
         half, i = self.gravity / 2.0, self.middle
         return Speeds(half * (t[i] - t[i - 1]), half * (t[i + 1] - t[i]), t[i])
 
     def jacobian(self, before: Array, at: Array, after: Array) -> csr_array:
-        """Derivatives of the equations by the instants, shape (bounce, instant).
+        """Jacobian of the equations by the instants, shape (bounce, instant).
 
         The arguments are the derivatives of each equation by the instant before its bounce, by the
         instant of the bounce, and by the one after it.
@@ -108,7 +108,7 @@ class Bounces:
 
 
 def bounces_of(impacts: xr.Dataset) -> Bounces:
-    """Gather the bounces of a result of `find_impacts` that have a whole flight on either side."""
+    """Gather the bounces of a result of `find_impacts` between two complete flights."""
     landed = np.arange(impacts.sizes["impact"]) < impacts["impact_count"].values[:, np.newaxis]
 
     def column(name: str) -> Array:
@@ -116,13 +116,13 @@ def bounces_of(impacts: xr.Dataset) -> Bounces:
 
     quality, instants = column("quality"), ("landing_time", "liftoff_time")
     bounced = quality == BOUNCED
-    # landing and lift-off are one instant at a bounce, two at a stay on the base
+    # landing and lift-off are one instant at a bounce, two for a stay on the base
     single = np.stack([np.ones_like(bounced), ~bounced], axis=1)
     instant = np.stack([column(name) for name in instants], axis=1)
     error = np.stack([column(f"{name}_error") for name in instants], axis=1)
     link = np.nan_to_num(column("next_covariance"))
     link = np.stack([np.where(bounced, link, 0.0), link], axis=1)
-    # the flight after the last landing of a particle is not seen
+    # the flight after the last landing of a particle is incomplete
     seen = np.isfinite(column("flight_time"))
     sound = (quality != DOUBTFUL) & np.isfinite(instant[:, 0])
     whole = bounced & seen & np.append(sound, False)[1:]
@@ -142,7 +142,7 @@ def solve(matrix: csr_array, right: Array) -> Array:
 
 
 def whiten(matrix: csr_array, right: Array) -> Array:
-    """Transform columns to independent ones of variance 1; `matrix` is their covariance."""
+    """Whiten columns whose covariance is `matrix`."""
     factor = cholesky_banded(_band(matrix), lower=True)
     return np.asarray(solve_banded((len(factor) - 1, 0), factor, right))
 
@@ -161,10 +161,10 @@ def _band(matrix: csr_array) -> Array:
 # The adjustment is the smallest weighted change of the instants with which every bounce obeys the
 # map, under one of the laws of restitution.
 
-# Most iterations of the adjustment, and the step in standard errors at which it has converged
+# Largest number of iterations of the adjustment, and the step in standard errors at which it stops
 ROUNDS: Final = 50
 CLOSE: Final = 1e-6
-# The same for the plastic law, whose kink may keep the steps from becoming smaller
+# The same for the plastic law, whose kink may prevent convergence
 ROUGH: Final = 1e-2
 BETWEEN: Final = (0.05, 0.999)  # range of the restitution in a law that depends on speed
 LONGEST: Final = 0.3  # longest step of the logarithm of a speed
@@ -173,16 +173,16 @@ LONGEST: Final = 0.3  # longest step of the logarithm of a speed
 class Adjustment(NamedTuple):
     """Result of the adjustment."""
 
-    # values, covariance: e, S, C, f if it is free, and the logarithm of a speed of yielding
+    # values, covariance: e, S, C, f if it is free, and the logarithm of a yield speed
     values: Array
     covariance: Array
     chi_square: float
     distance: Array  # squared distance of each bounce in standard errors
-    # Covariance from the scatter of the residuals, added where noise does not explain them
+    # Covariance from the scatter of the residuals, added if noise does not explain them
     influences: Array
 
     def with_law(self, law: Law) -> FittedLaw:
-        """Return the fit of the law with which instants and parameters were adjusted."""
+        """Return the adjustment as a fit of its law."""
         number = self.distance.size
         freedom = number - self.values.size
         misfit = self.chi_square / freedom
@@ -243,7 +243,7 @@ def adjust(
     else:
         raise np.linalg.LinAlgError("the adjustment does not converge")
     white = whiten(spread, np.column_stack([design, spread @ forces]))
-    influences = spread_of_influences(white[:, -1], white[:, :-1], inverse)
+    influences = robust_covariance(white[:, -1], white[:, :-1], inverse)
     chi_square = float(forces @ (spread @ forces))
     return Adjustment(values, inverse, chi_square, white[:, -1] ** 2, influences)
 
@@ -259,16 +259,16 @@ def fit_laws(bounces: Bounces, start: Array, frequency: float | None) -> list[Fi
         return fit_law(name, speeds, partial(_fit, bounces, values, frequency))
 
     fits = [fitted(name, start) for name in FITTED]
-    nearest = nearest_fit(fits)
-    if np.isnan(nearest.misfit):
+    best = best_fit(fits)
+    if np.isnan(best.misfit):
         return fits
-    # a law whose fit failed may converge from these parameters
-    return [fitted(fit.law.name, nearest.values) if np.isnan(fit.misfit) else fit for fit in fits]
+    # a law whose fit failed may converge from the parameters of the best one
+    return [fitted(fit.law.name, best.values) if np.isnan(fit.misfit) else fit for fit in fits]
 
 
 def _fit(bounces: Bounces, values: Array, frequency: float | None, law: Law) -> FittedLaw:
     try:
-        # at a fixed speed first, because the parameters of a constant restitution may be far off
+        # first at a fixed yield speed, because the parameters of a constant e may be far off
         for tried in dict.fromkeys((law._replace(fixed=True), law)):
             rate = float(values[3]) if frequency is None else frequency
             found = adjust(bounces, values[:3], rate, frequency is None, tried)
@@ -281,22 +281,22 @@ def _fit(bounces: Bounces, values: Array, frequency: float | None, law: Law) -> 
 # -----------------------------------------------------------------------------
 # Restitution, amplitude, phase and frequency from landings, with standard errors.
 #
-# Every instant has an error, and enters a speed of arrival, a speed of departure and a phase.
-# Ordinary least squares assumes errors in the departure alone and is therefore biased.  Instants
-# and parameters are adjusted together instead: the smallest weighted change of the instants is
-# sought for which every bounce obeys the map (the Gauss-Helmert model, which is total least
-# squares with any covariance).
+# Every instant has an error, and enters an arrival speed, a departure speed and a phase.
+# Ordinary least squares assumes errors of the departure alone and is therefore biased.  Instants
+# and parameters are adjusted together instead, by the smallest weighted change of the instants for
+# which every bounce obeys the map (the Gauss-Helmert model, total least squares with a full
+# covariance).
 
-# Parameters are not determined if the signal in the weakest direction of the design matrix is below
-# this multiple of the noise of the instants, or if the standard error of the restitution or the
-# relative one of the amplitude exceeds its limit.
+# Parameters are not determined if the signal-to-noise ratio in the weakest direction of the design
+# matrix is below this limit, or if the standard error of the restitution or the relative error of
+# the amplitude exceeds its limit.
 SIGNAL: Final = 10.0
 WORST_RESTITUTION: Final = 0.1
 WORST_AMPLITUDE: Final = 0.25
-# Chi-square per degree of freedom above which the law does not describe the bounces
+# Reduced chi-square above which the model does not describe the bounces
 WORST_MISFIT: Final = 10.0
 PHASES: Final = 1080  # number of trial phases, a third of a degree apart
-# Share of the sum of squares of the kicks up to which a second minimum counts as equally good
+# Difference, relative to the sum of squares of the kicks, up to which two minima are equally good
 TIE: Final = 0.01
 
 
@@ -313,9 +313,9 @@ def estimate(
     impacts
         Result of `find_impacts`.
     frequency
-        Forcing frequency in Hz, estimated by default.
+        Forcing frequency in Hz; by default it is estimated.
     frequency_range
-        Interval in which an unknown frequency is sought, Hz.
+        Interval to search for an unknown frequency, Hz.
 
     Returns
     -------
@@ -325,9 +325,9 @@ def estimate(
           given, frequency (Hz); all NaN if the signal is too weak;
         - ``determined``: 0 if the orbit determines them poorly or not at all, or if the restitution
           lies outside its range; the attribute ``warning`` gives the reason;
-        - ``misfit``: chi-square per degree of freedom.  If it exceeds 1, its square root multiplies
-          the errors; if noise hardly explains it, the scatter of the residuals is added and the
-          warning says so;
+        - ``misfit``: chi-square per degree of freedom.  If it exceeds 1, the errors are multiplied
+          by its square root; if noise hardly explains it, the scatter of the residuals is added and
+          the attribute ``warning`` states this;
         - ``law_restitution`` and ``law_speed`` (m s-1) with their errors, dim law: each law of
           restitution fitted to the same bounces.  The attribute ``restitution_law`` names the laws
           that the bounces do not rule out, the best first; it is empty if nothing is determined.
@@ -346,9 +346,9 @@ def estimate(
     Raises
     ------
     TrackError
-        There are too few bounces, or no parameters describe them.
+        There are too few bounces, or no parameters fit them.
     ParameterError
-        The frequency, or the interval in which it is sought, is outside its range.
+        The frequency, or the interval to search, is outside its range.
     DataError
         The dataset is not a result of `find_impacts`.
 
@@ -396,14 +396,14 @@ def estimate(
     }
     warnings = _warnings_of(fit, signal)
     found = _estimate_dataset(names, values, covariance, about, warnings, shape)
-    found.attrs["restitution_law"] = " or ".join(laws_left(laws))
+    found.attrs["restitution_law"] = " or ".join(possible_laws(laws))
     return found.assign(law_variables(laws))
 
 
 def _fit_and_laws(
     bounces: Bounces, adjusted: Adjustment, signal: float, frequency: float | None
 ) -> tuple[FittedLaw, list[FittedLaw]]:
-    """Return the fit with constant restitution or, if the bounces rule that out, with the best law.
+    """Return the fit with a constant restitution or, if that is ruled out, with the best law.
 
     The second value holds the fits of all laws; it is empty if the parameters are not determined.
     """
@@ -413,7 +413,7 @@ def _fit_and_laws(
         return fit, []
     laws = fit_laws(bounces, adjusted.values, frequency)
     if lost and np.isnan(laws[0].misfit):
-        laws = laws[1:]  # any law that can be fitted rules out a constant restitution that cannot
+        laws = laws[1:]  # a constant e that cannot be fitted is ruled out by any law that can
     return preferred_law(laws) or (laws[0] if lost else fit), laws
 
 
@@ -438,7 +438,7 @@ def _warnings(
 
 
 def _why_undetermined(signal: float, values: Array, covariance: Array, misfit: float) -> str:
-    """Return a warning that says why parameters are not determined; empty if they are."""
+    """Return the reason why parameters are not determined; empty if they are."""
     error = np.sqrt(np.diag(covariance))
     if signal < SIGNAL:
         return (
@@ -498,7 +498,7 @@ def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
         "base_displacement_error": (error[0], "m", "its standard error"),
         "base_acceleration": (size[1], "1", "peak acceleration in units of gravity"),
         "base_acceleration_error": (error[1], "1", "its standard error"),
-        # a result that an earlier version wrote has none of these
+        # results written by an earlier version have none of these
         **{k: (float(impacts[k]), *about) for k, about in OF_BOUNCES.items() if k in impacts},
     }
     warnings = _warnings(SIGNAL, kicks, covariance, misfit, freedom)
@@ -516,7 +516,7 @@ def _estimate_dataset(
     warnings: tuple[str, str],
     shape: Waveform,
 ) -> xr.Dataset:
-    """Dataset of `estimate`; the first warning says why parameters are not determined."""
+    """Dataset of `estimate`; the first warning is the reason why parameters are not determined."""
     known = {**PARAMETERS, **OF_RESTITUTION}
     units = [
         known[n].units if n in known else "1" if n.startswith("weight") else "rad" for n in names
@@ -544,9 +544,9 @@ def fit_phase(
 ) -> float:
     """Find the phase of the forcing (rad) at t = 0 of a recording whose other parameters are known.
 
-    `of_restitution` holds the arguments of `vibrosweep.theory.restitution_at` other than the speed.
-    On a locked orbit two phases explain the bounces equally well; the phase is that of the stable
-    branch, on which the kick decreases at impact.  Raises a TrackError without bounces.
+    `of_restitution` holds the arguments of `vibrosweep.theory.restitution_at` except the speed.  On
+    a locked orbit two phases fit the bounces equally well; the one on the stable branch, where the
+    kick decreases at impact, is returned.  Raises a TrackError without bounces.
     """
     arrive, leave, time = bounces_of(impacts).speeds()
     if not time.size:
@@ -563,14 +563,14 @@ def fit_phase(
 
 
 def _adjust_at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjustment, float]:
-    """Adjust the parameters at a frequency, or near it if that is free; return the signal too.
+    """Adjust the parameters at a frequency, or near it if it is free; also return the signal.
 
     The parameters are NaN if the signal is too weak.  If no fit converges they are those of the
     regression, with an infinite chi-square.
     """
     speeds, here = bounces.speeds(), bounces.variance[bounces.middle]
     start = ordinary_least_squares(speeds, rate)
-    # the speed of arrival is half the time of flight times gravity
+    # the arrival speed is gravity times half the flight time
     of_arrival = bounces.gravity**2 / 4.0 * (here + bounces.variance[bounces.middle - 1])
     signal = weakest_signal(speeds, rate, start[1:], of_arrival, here)
     unknown = np.full(3 + free, np.nan)
@@ -586,7 +586,7 @@ def _adjust_at(bounces: Bounces, rate: float, free: bool) -> tuple[Adjustment, f
 
 
 def _rank(tried: tuple[Adjustment, float]) -> tuple[bool, float]:
-    """Sort key: the best adjustment has the smallest chi-square among the physical ones."""
+    """Sort key: physical adjustments first, in the order of chi-square."""
     found, _ = tried
     chi_square = float(np.nan_to_num(found.chi_square, nan=np.inf))
     unphysical = not np.isfinite(chi_square) or is_unphysical(found.values, found.covariance)

@@ -40,7 +40,7 @@ from vibrosweep.scene.sweep import batch, checked, read_text
 __all__ = ["LABORATORY", "Experiment", "Variation"]
 
 # -----------------------------------------------------------------------------
-# Heights of the bases of virtual experiments: at rest, oscillating, or recoiling on a mount.
+# Surfaces of the bases of virtual experiments: at rest, oscillating, or recoiling on a mount.
 
 STEPS_PER_PERIOD: Final = 1000
 
@@ -76,10 +76,10 @@ def oscillating_surface(scene: Mapping[str, float], waveform: Waveform = SINE) -
 
 
 def recoiling_surface(track: BaseTrack, frequency: float, end: float) -> Surface:
-    """Make the surface of `base = "sprung"`, exact at a thousand instants of each forcing period.
+    """Make the surface of `base = "sprung"`, interpolated between a thousand points per period.
 
-    `track` is the motion of the base in one realization from the first launch on, before which the
-    base is taken to rest at its first height.  The surface extends to `end` (s).
+    `track` is the motion of the base in one realization from the first launch on; before that the
+    base is assumed to rest at its initial height.  The surface extends to `end` (s).
     """
     begin = float(track.track.time[0, 0])
     time = begin + np.arange(int((end - begin) * frequency * STEPS_PER_PERIOD) + 2) / (
@@ -95,12 +95,12 @@ def recoiling_surface(track: BaseTrack, frequency: float, end: float) -> Surface
 
 
 # -----------------------------------------------------------------------------
-# A camera that films flights: frames, exposure, pixels and noise.
+# Camera: frames, exposure, pixels and noise.
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera and its tracking.
+    """A camera with the tracking of its images.
 
     Attributes
     ----------
@@ -111,13 +111,13 @@ class Camera:
     noise
         Standard deviation of a tracked position, in pixels.
     whole_pixels
-        True if positions are rounded to whole pixels.
+        Whether positions are rounded to whole pixels.
     exposure
-        Time for which the shutter is open, s; a position is the mean over it.
+        Exposure time, s; a position is the mean over it.
     dropped
-        Fraction of the frames that are lost.
+        Fraction of lost frames.
     scale_error
-        Relative error of the size of a pixel, by which measured heights are too large.
+        Relative error of the scale, positive if measured heights are too large.
 
     Examples
     --------
@@ -140,9 +140,9 @@ class Camera:
 
 @dataclass(frozen=True)
 class Motion:
-    """Flights of one particle in order of time; between them it is on the base."""
+    """Flights of one particle in chronological order; between them it is on the base."""
 
-    # start, end: times of lift-off and landing, s; the end is infinite if it is after the record
+    # start, end: times of lift-off and landing, s; the end is infinite if the record ends earlier
     start: Array
     end: Array
     # velocity, rise: velocity (m s-1) and height (m) at lift-off
@@ -155,7 +155,7 @@ class Motion:
     def from_record(
         cls, record: Record, particle: int, time: float, speed: float, gravity: float, base: Surface
     ) -> Motion:
-        """Take the flights of a particle from a record; `time` and `speed` are of its launch."""
+        """Extract a particle's flights from a record; `time` and `speed` are those of launch."""
         landing, liftoff = record.landing_time[particle], record.liftoff_time[particle]
         flies = np.isfinite(liftoff)
         start = np.append(time, liftoff[flies])
@@ -177,19 +177,19 @@ class Motion:
         return float(np.mean(self.apex[inside])), float(np.mean((self.end - self.start)[inside]))
 
     def _flight(self, time: Array) -> tuple[NDArray[np.intp], Array, NDArray[np.bool_]]:
-        """Latest flight at each instant, or the first; time since its start; True on the base."""
+        """Index of the latest flight or the first, time since its start, True on the base."""
         flight = np.maximum(np.searchsorted(self.start, time, side="right") - 1, 0)
         since = time - self.start[flight]
         return flight, since, (since < 0.0) | (time > self.end[flight])
 
     def height(self, time: Array) -> Array:
-        """Height in m at instants in s."""
+        """Height in m at times in s."""
         flight, since, down = self._flight(time)
         flying = self.rise[flight] + since * (self.velocity[flight] - 0.5 * self.gravity * since)
         return np.where(down, self.surface.height(time), flying)
 
     def mean_height(self, time: Array, exposure: float) -> Array:
-        """Mean height in m over an exposure (s) centred at each instant."""
+        """Mean height in m over an exposure (s) centred at each time."""
 
         def flown_area(flight: NDArray[np.intp], since: Array) -> Array:
             speed = self.velocity[flight] / 2.0 - self.gravity * since / 6.0
@@ -198,7 +198,7 @@ class Motion:
         below = self.surface.area(self.start)
         end = np.where(np.isfinite(self.end), self.end, self.start)
         flown = flown_area(np.arange(end.size), end - self.start)
-        # area between the flights and the base, up to the start of each flight
+        # accumulated area between the flights and the base, up to the start of each flight
         above = np.append(0.0, np.cumsum(flown - (self.surface.area(end) - below)))
 
         def area(instant: Array) -> Array:
@@ -211,7 +211,7 @@ class Motion:
 
 
 def heights(motions: list[Motion], time: Array, exposure: float) -> Array:
-    """Average the true heights (m) over an exposure (s); shape (frame, particle)."""
+    """Average true heights (m) over an exposure (s); shape (frame, particle)."""
     return np.stack(
         [m.mean_height(time, exposure) if exposure else m.height(time) for m in motions], axis=1
     )
@@ -230,7 +230,7 @@ def film(true: Array, camera: Camera, rng: np.random.Generator) -> Array:
 # -----------------------------------------------------------------------------
 # Virtual experiments: particles, a base and a camera, all with imperfections.
 
-# Table 1 at 20 Hz, with the same dimensionless kick, 2 f A / g = 0.2446, and the same first flight
+# Table 1 scaled to 20 Hz: the same dimensionless kick, 2 f A / g = 0.2446, and first flight
 LABORATORY: Final[Mapping[str, float]] = {
     "restitution": 0.9,
     "amplitude": 0.06,
@@ -246,7 +246,7 @@ DEFAULTS: Final[Mapping[str, Any]] = {
     "transient": 20.0,
     "duration": 60.0,
 }
-# Keys that say when a recording begins, in the table [measure] of a file
+# Keys for the beginning of a recording, in the table [measure] of a file
 WINDOW: Final = ("transient", "transient_periods")
 
 
@@ -257,17 +257,17 @@ class Variation:
     Attributes
     ----------
     frequency_jitter
-        Standard deviation of the length of each forcing period, relative to its mean.
+        Relative standard deviation of the length of a forcing period.
     frequency_setting
-        Standard deviation of the mean frequency from repeat to repeat, relative.
+        Relative standard deviation of the mean frequency between repeats.
     amplitude_setting
-        Standard deviation of the amplitude from repeat to repeat, relative.
+        Relative standard deviation of the amplitude between repeats.
     restitution_spread
-        Standard deviation of the restitution among the particles, which are the same in all
+        Standard deviation of the restitution among particles; the particles are the same in all
         repeats.
     level_spread
-        Standard deviation, among the particles, of the height (m) of the base below them, as caused
-        by a tilted base or view.
+        Standard deviation among particles of the level of the base below them (m), as caused by a
+        tilted base or camera.
 
     Examples
     --------
@@ -300,7 +300,7 @@ class Experiment:
     repeats
         Number of recordings.
     camera, variation
-        The camera, and the imperfections of particles and base.
+        Camera, and imperfections of particles and base.
     seed
         Seed of the random numbers.
     **keywords
@@ -312,9 +312,9 @@ class Experiment:
     Raises
     ------
     SpecError
-        A keyword is unknown, or the scene is impossible; the message lists all mistakes.
+        A keyword is unknown, or the scene is invalid; the message lists all mistakes.
     ParameterError
-        An imperfection cannot be computed over this base.
+        An imperfection is not supported over this base.
 
     Examples
     --------
@@ -345,7 +345,7 @@ class Experiment:
                 raise ParameterError(f"{next(iter(varied))}: an experiment takes one number")
         elif keywords or not isinstance(scene, Scene):
             raise ParameterError(
-                "scene: must be the scene of an experiment, without keywords beside it; give "
+                "scene: must be the scene of an experiment, without other keywords; give "
                 "parameters as keywords, as in Experiment(amplitude=0.06, particles=2)"
             )
         require_number("repeats", repeats, 1, MOST_REPEATS, whole=True)
@@ -385,7 +385,7 @@ class Experiment:
 
     @property
     def recorded(self) -> Scene:
-        """Scene whose landings are all kept, from the launch to the end of the recording."""
+        """Scene that records all landings, from the launch to the end of the recording."""
         return replace(self.scene.recorded(), duration=self.window[1])
 
 
@@ -454,7 +454,7 @@ def read_experiments(path: str | os.PathLike[str]) -> ExperimentSpec:
 
 
 def _check_values(described: Camera | Variation, table: str) -> None:
-    """Raise a ParameterError for the first value that a file could not hold in this table."""
+    """Raise a ParameterError for the first value that is not allowed in this table of a file."""
     for name, check in _SECTIONS[table].items():
         value = getattr(described, name)
         try:

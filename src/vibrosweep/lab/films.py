@@ -27,20 +27,20 @@ from vibrosweep.lab.recordings import Recording
 # -----------------------------------------------------------------------------
 # Flights in a track whose scale is not known.
 #
-# A curvature that many stretches of the track share is that of free fall.  Stretches that have it
-# are extended as far as their parabolas go.
+# The curvature shared by most stretches of the track is that of free fall.  Stretches with this
+# curvature are extended for as long as a parabola fits.
 
-LEAST_SAMPLES: Final = 5  # of a flight
-SHARPNESS: Final = 0.2  # largest relative error of the curvature of a part of a flight
-RESOLVED: Final = 0.06  # and of a flight: a rise of some fifteen times the noise
-STEEP: Final = 8.0  # rise of an inclined floor between contacts, in their deviations
-FAR: Final = 4.5  # distance of an odd sample, in standard deviations
+LEAST_SAMPLES: Final = 5  # in a flight
+SHARPNESS: Final = 0.2  # largest relative error of the curvature of an initial stretch
+RESOLVED: Final = 0.06  # and of a flight: a rise of about fifteen times the noise
+STEEP: Final = 8.0  # least rise of an inclined floor over all contacts, in standard deviations
+FAR: Final = 4.5  # distance of an outlier, in standard deviations
 # A contact takes at most 20 ms and as many frames
 CONTACT_FRAMES: Final = 3.5
 
 
 class Stretch(NamedTuple):
-    """Successive samples that a parabola describes: height, slope and curvature at a centre."""
+    """Successive samples fitted by a parabola: height, slope and curvature at a centre."""
 
     samples: NDArray[np.intp]
     centre: float
@@ -49,15 +49,15 @@ class Stretch(NamedTuple):
     errors: Array
 
     def height(self, time: Array | float, curvature: float) -> Array:
-        """Return heights of the parabola of this curvature."""
+        """Return heights of the parabola with a given curvature."""
         since = np.asarray(time) - self.centre
         return np.asarray(self.terms[0] + self.terms[1] * since - 0.5 * curvature * since**2)
 
 
 def noise_of(height: Array) -> float:
-    """Return the noise of a smooth track where it moves, from third differences.
+    """Return the noise of the moving parts of a smooth track, from third differences.
 
-    A ball at rest is located better than one that moves.
+    A ball at rest is tracked more accurately than a moving one.
     """
     third = np.abs(np.diff(height, 3))
     moved = np.abs(height[3:] - height[:-3])
@@ -71,7 +71,7 @@ def _parabolas(
     """Fit a parabola to each row of samples."""
     t, y = time[samples], height[samples]
     centre, length = t.mean(axis=1), t[:, -1] - t[:, 0]
-    # in units of the length, so that the equations are well conditioned
+    # in units of the duration, so that the equations are well conditioned
     since = (t - centre[:, None]) / length[:, None]
     design = np.stack([np.ones_like(since), since, -0.5 * since**2], axis=2)
     inverse = np.linalg.inv(np.einsum("wni,wnj->wij", design, design))
@@ -82,7 +82,7 @@ def _parabolas(
 
 
 def _windows(time: Array, height: Array, noise: float) -> list[Stretch]:
-    """Return stretches of many lengths that are parabolas but for the noise, long ones first."""
+    """Return stretches of various lengths that are parabolas within the noise, longest first."""
     found, length = [], LEAST_SAMPLES
     while length <= time.size:
         starts = np.arange(0, time.size - length + 1, max(1, length // 4))
@@ -95,9 +95,9 @@ def _windows(time: Array, height: Array, noise: float) -> list[Stretch]:
 
 
 def _shared_curvature(stretches: list[Stretch]) -> float:
-    """Return the curvature of most stretches, by the half-sample mode; NaN for none.
+    """Return the most common curvature, as half-sample mode; NaN without a stretch.
 
-    A stretch counts with its rise above its chord: a ball that is held or at rest has none.
+    A stretch is weighted by its rise above its chord, zero for a ball that is held or at rest.
     """
     sharp = [s for s in stretches if s.errors[2] < SHARPNESS / 2 * abs(s.terms[2])]
     if not sharp:
@@ -114,13 +114,13 @@ def _shared_curvature(stretches: list[Stretch]) -> float:
 
 
 def find_flights(time: Array, height: Array, name: str) -> tuple[list[Stretch], float, float]:
-    """Return flights in the order of time, their curvature, and the noise."""
+    """Return the flights in chronological order, their curvature, and the noise."""
     step = float(np.median(np.abs(np.diff(height)))) if height.size > 1 else 0.0
     noise = max(noise_of(height), 1e-6 * step, 1e-12 * float(np.ptp(height)))
     stretches = _windows(time, height, noise)
     curvature = _shared_curvature(stretches)
     if curvature < 0.0:
-        raise TrackError(f"{name}: the ball falls upwards; heights grow the other way (--axis)")
+        raise TrackError(f"{name}: the ball falls upwards: reverse the axis (--axis)")
     free = np.ones(time.size, dtype=bool)
     flights = []
     for seed in stretches:
@@ -131,18 +131,18 @@ def find_flights(time: Array, height: Array, name: str) -> tuple[list[Stretch], 
             or off > 5.0 * seed.errors[2] + 0.05 * curvature
         ):
             continue
-        grown = _grown(time, height, seed, free, noise)
-        free[grown.samples] = False
-        off = abs(grown.terms[2] - curvature)
-        if grown.errors[2] < RESOLVED * curvature and off < 0.15 * curvature:
-            flights.append(grown)
+        extended = _extended(time, height, seed, free, noise)
+        free[extended.samples] = False
+        off = abs(extended.terms[2] - curvature)
+        if extended.errors[2] < RESOLVED * curvature and off < 0.15 * curvature:
+            flights.append(extended)
     return sorted(flights, key=lambda s: s.centre), curvature, noise
 
 
-def _grown(
+def _extended(
     time: Array, height: Array, seed: Stretch, free: NDArray[np.bool_], noise: float
 ) -> Stretch:
-    """Extend a stretch to both sides while its parabola goes on; single odd samples are skipped."""
+    """Extend a stretch on both sides while a parabola fits; single outliers are skipped."""
     now, longest = seed, float(np.median(np.diff(time))) * 8.0
     for side in (1, -1):
         skipped = 0
@@ -163,7 +163,7 @@ def _grown(
 
 
 class Contact(NamedTuple):
-    """Where a flight and the next meet."""
+    """Intersection of a flight with the next one."""
 
     flight: int  # number of the flight that ends
     time: float
@@ -172,7 +172,7 @@ class Contact(NamedTuple):
 
 
 def contacts_of(flights: list[Stretch], time: Array, curvature: float) -> list[Contact]:
-    """Return the contacts between neighbouring flights, wherever the floor is."""
+    """Return the contacts between successive flights, wherever the floor is."""
     step = float(np.median(np.diff(time)))
     found = []
     for k, (one, two) in enumerate(pairwise(flights)):
@@ -191,10 +191,10 @@ def contacts_of(flights: list[Stretch], time: Array, curvature: float) -> list[C
 
 
 def chains_of(contacts: list[Contact], curvature: float, noise: float) -> list[list[int]]:
-    """Return runs of flights with a contact with the floor between each and the next."""
+    """Return chains of flights connected by contacts with the floor."""
     if not contacts:
         return []
-    # a contact with a hand is at another height; a long contact crosses below the floor
+    # a contact with a hand is at another height; for a long one the parabolas meet below the floor
     levels, speeds = (
         np.array([getattr(c, name) for c in contacts]) for name in ("height", "speed")
     )
@@ -210,15 +210,15 @@ def chains_of(contacts: list[Contact], curvature: float, noise: float) -> list[l
     return chains
 
 
-def slope_of_floor(contacts: list[Contact], time: Array, beside: Array, noise: float) -> float:
-    """Return the slope of the line on which contacts lie; 0 unless they show one."""
+def slope_of_floor(contacts: list[Contact], time: Array, horizontal: Array, noise: float) -> float:
+    """Return the slope of an inclined floor from its contacts; 0 unless it is significant."""
     x, y = (
-        np.interp([c.time for c in contacts], time, beside),
+        np.interp([c.time for c in contacts], time, horizontal),
         np.array([c.height for c in contacts]),
     )
     if x.size < 3 or np.ptp(x) < 20.0 * noise:
         return 0.0
-    # pairs of contacts, so that one with a hand does not decide
+    # median over pairs of contacts, robust against a contact with a hand
     one, two = np.triu_indices(x.size, 1)
     wide = np.abs(x[two] - x[one]) > 0.2 * np.ptp(x)
     slope = float(np.median((y[two] - y[one])[wide] / (x[two] - x[one])[wide]))
@@ -230,12 +230,12 @@ def slope_of_floor(contacts: list[Contact], time: Array, beside: Array, noise: f
 # -----------------------------------------------------------------------------
 # Bounces from films of a ball over a floor.
 #
-# Flights are fitted together, with the level of the floor, the time of a contact and
-# the drag as common parameters, so that a landing follows from the flight before it.
+# All flights are fitted together, with the level of the floor, the contact time and the drag as
+# common parameters, so that a landing follows from the preceding flight.
 
-SLACK: Final = 0.02  # s: wide prior of the contact in one film, which the pooled fit narrows
-BLURRED: Final = 0.1  # error of e of a bounce that is not resolved
-DRIFT: Final = 0.005  # of a level in a film, in units of the range of heights
+CONTACT_ERROR: Final = 0.02  # s: wide prior of the contact time in a film, for the pooled fit
+UNRESOLVED: Final = 0.1  # error of e from which a bounce is not resolved
+DRIFT: Final = 0.005  # prior of the drift of the level in a film, in units of the range of heights
 COMMON: Final = 6  # parameters of all flights: curvature, level, contact, drag, p, drift
 
 
@@ -252,12 +252,12 @@ class FilmFit(NamedTuple):
 
 
 class _Problem:
-    """Samples of chains of flights, and what they should be.
+    """Samples of chains of flights, and their model.
 
-    Parameters: curvature, level, contact (at the median speed), drag, the power p of the
-    contact, and the drift of the camera, by which all heights grow; then for each chain the time
-    of its first apex and the nominal speeds of its flights.  Times are in s from the middle,
-    heights in the unit.
+    Parameters: curvature, level, contact time (at the median speed), drag, exponent p of the
+    contact time, and drift of the camera, the rate at which all heights increase; then for each
+    chain the time of its first apex and the nominal speeds of its flights.  Times are in s relative
+    to the middle, heights in the unit of the file.
     """
 
     def __init__(
@@ -305,7 +305,7 @@ class _Problem:
         return made
 
     def bounces(self, p: Array, metre: float) -> tuple[Array, Array]:
-        """Return each restitution, then contact and drag (in m); and the speeds of impact."""
+        """Return the restitutions with contact time and drag (s2 m-2); and the impact speeds."""
         place, e, v = COMMON, [], []
         for chain in self.chains:
             up, down, _, _ = flight_of(p[place + 1 : place + 1 + len(chain)], p[0], p[3])
@@ -315,7 +315,7 @@ class _Problem:
         return np.concatenate([*e, [p[2], p[3] / metre**2]]), np.concatenate(v)
 
     def membership(self, p: Array) -> list[NDArray[np.intp]]:
-        """Return the samples of each flight, none of which may touch the floor."""
+        """Return the samples of each flight, without those on the floor."""
         members = []
         for flight, _, lift, _, landing in self.pieces(p):
             first, last = flight.samples[0], flight.samples[-1]
@@ -340,21 +340,21 @@ class _Problem:
     def solve(self) -> tuple[Array, Array, list[NDArray[np.intp]], Array, float]:
         """Return parameters, covariance, samples, residuals and noise."""
         p, noise = self.start, self.noise
-        odd = np.zeros(self.time.size, dtype=bool)
+        outliers = np.zeros(self.time.size, dtype=bool)
         widths = np.array([prior.error for prior in self.priors])
         means = np.array([prior.value for prior in self.priors])
         start, loose = self.start, np.maximum(np.abs(self.start), 1.0)
         loose[1] += np.ptp(self.height)
         loose[2:COMMON] = np.inf
         for turn in range(4):
-            members = [samples[~odd[samples]] for samples in self.membership(p)]
+            members = [samples[~outliers[samples]] for samples in self.membership(p)]
             every = np.concatenate(members)
             if every.size <= p.size:
                 raise np.linalg.LinAlgError
 
             def off(p: Array, members=members, every=every, noise=noise) -> Array:  # type: ignore[no-untyped-def]
                 left = (self.height[every] - self.model(p, members)) / noise
-                # what no sample determines stays near its start
+                # weak priors for parameters that no sample determines
                 return np.concatenate([left, (p[2:COMMON] - means) / widths, (p - start) / loose])
 
             found = least_squares(off, p, x_scale=np.maximum(np.abs(p), 1e-3), method="trf")
@@ -364,7 +364,7 @@ class _Problem:
             noise = max(noise, 1e-9 * float(np.ptp(self.height)))
             if turn == 1:
                 limit = FAR * 1.48 * float(np.median(np.abs(left)))
-                odd[every[np.abs(left) > max(limit, 1e-12)]] = True
+                outliers[every[np.abs(left) > max(limit, 1e-12)]] = True
         jacobian = np.asarray(found.jac)
         covariance = np.linalg.inv(jacobian.T @ jacobian)
         return p, covariance, members, left, noise
@@ -386,8 +386,8 @@ def bounces_of_film(
         return None, None, f"{recording.name}: no flight was found"
     contacts = contacts_of(flights, time, curvature)
     if recording.horizontal is not None and not tilt:
-        beside = recording.horizontal[seen]
-        slope = slope_of_floor(contacts, time, beside, noise)
+        horizontal = recording.horizontal[seen]
+        slope = slope_of_floor(contacts, time, horizontal, noise)
         if slope:
             return bounces_of_film(*_along_normal(recording, inputs, slope), np.arctan(slope))
     chains = [[flights[k] for k in chain] for chain in chains_of(contacts, curvature, noise)]
@@ -400,13 +400,13 @@ def bounces_of_film(
             time[used] + middle, height[used], height[used] - fitted, fitted, noise, np.nan, g
         )
         return None, fit, f"{recording.name}: no bounce; {_scale_text(recording, g, inputs)}"
-    return _measured(recording, inputs, (time, height, middle), chains, curvature, tilt)
+    return _fitted(recording, inputs, (time, height, middle), chains, curvature, tilt)
 
 
 def _along_normal(
     recording: Recording, inputs: BallInputs, slope: float
 ) -> tuple[Recording, BallInputs]:
-    """Return heights along the normal of an inclined floor, and what of gravity is along it."""
+    """Return heights along the normal of an inclined floor, and the normal component of gravity."""
     cosine = 1.0 / np.hypot(1.0, slope)
     normal = (np.asarray(recording.height) - slope * np.asarray(recording.horizontal)) * cosine
     g = inputs.gravity
@@ -432,7 +432,7 @@ def _pm(one: Input) -> str:
     return f"{one.value:.5g} ± {one.error:.2g}"
 
 
-def _measured(
+def _fitted(
     recording: Recording,
     inputs: BallInputs,
     track: tuple[Array, Array, float],
@@ -441,21 +441,21 @@ def _measured(
     tilt: float,
 ) -> tuple[Bounces | None, FilmFit | None, str]:
     time, height, middle = track
-    # m per unit for the inputs; from gravity unless the file has one that is used
+    # m per unit; from gravity, unless the scale of the file is used
     metre = 1.0 if recording.scale_known and not inputs.scale_from_gravity else 0.0
     metre = metre or inputs.gravity.value / curvature
     drag = inputs.drag or from_range(*DRAG)
     wide = Input(drag.value * metre**2, max(20.0 * drag.error, 1e-6) * metre**2)
     step = float(np.median(np.diff(time)))
-    frames = Input(0.5 * step, 2.0 * step)  # where the length of a frame is not known
-    contact = Input(inputs.contact.value, SLACK) if recording.rate_known else frames
+    frames = Input(0.5 * step, 2.0 * step)  # where the frame rate is not known
+    contact = Input(inputs.contact.value, CONTACT_ERROR) if recording.rate_known else frames
     drift = Input(0.0, DRIFT * float(np.ptp(height) / np.ptp(time)))
     problem = _Problem(time, height, chains, curvature, (contact, wide, POWER, drift))
     try:
         p, covariance, members, left, noise = problem.solve()
     except (np.linalg.LinAlgError, ValueError):
         return None, None, f"{recording.name}: no bounce; its flights do not fit one floor"
-    covariance *= _echo(left)
+    covariance *= _inflation(left)
 
     rows, v = problem.bounces(p, metre)
     steps = np.diag(1e-3 * np.sqrt(np.diag(covariance)))
@@ -466,7 +466,7 @@ def _measured(
         ],
         axis=1,
     )
-    pieces = zip(problem.pieces(p), _lasts(chains), strict=True)
+    pieces = zip(problem.pieces(p), _is_last(chains), strict=True)
     landings = [piece[4] for piece, last in pieces if not last]
     g = Input(float(p[0]), float(np.sqrt(covariance[0, 0])))
     n, means = v.size, {"contact": inputs.contact if recording.rate_known else frames, "drag": drag}
@@ -480,20 +480,20 @@ def _measured(
         time[every] + middle, height[every], left, height[every] - left, noise, float(p[1]), g
     )
     fixed = jacobian @ covariance @ jacobian.T
-    kept = np.append(np.diag(fixed)[:n] < BLURRED**2, [True, True])
-    if not kept[:n].any():
+    resolved = np.append(np.diag(fixed)[:n] < UNRESOLVED**2, [True, True])
+    if not resolved[:n].any():
         text = _scale_text(recording, g, inputs)
-        return None, fit, f"{recording.name}: no bounce that is resolved; {text}"
-    seen = kept[:n]
+        return None, fit, f"{recording.name}: no bounce is resolved; {text}"
+    seen = resolved[:n]
     bounces = Bounces(
         name=recording.name,
         group=recording.group,
         restitution=rows[:n][seen],
         speed=v[seen] * unit,
         time=(np.array(landings) + middle)[seen],
-        fixed=fixed[np.ix_(kept, kept)],
-        timing=np.zeros((kept.sum(), kept.sum())),
-        inputs={key: slope[kept] for key, slope in slopes.items()},
+        fixed=fixed[np.ix_(resolved, resolved)],
+        timing=np.zeros((resolved.sum(), resolved.sum())),
+        inputs={key: slope[resolved] for key, slope in slopes.items()},
         found={"contact": rows[n] - means["contact"].value, "drag": rows[n + 1] - drag.value},
         speed_known=recording.rate_known and (recording.scale_known or inputs.scale_from_gravity),
         gravity=g,
@@ -502,12 +502,12 @@ def _measured(
     return bounces, fit, ""
 
 
-def _echo(left: Array) -> float:
-    """Return the factor by which residuals that resemble their neighbours increase variances."""
-    echo = float(left[1:] @ left[:-1] / (left @ left)) if left.any() else 0.0
-    echo = min(echo, 0.9) if echo > 2.0 / np.sqrt(left.size) else 0.0
-    return (1.0 + echo) / (1.0 - echo)
+def _inflation(left: Array) -> float:
+    """Return the inflation of variances due to the autocorrelation of residuals."""
+    correlation = float(left[1:] @ left[:-1] / (left @ left)) if left.any() else 0.0
+    correlation = min(correlation, 0.9) if correlation > 2.0 / np.sqrt(left.size) else 0.0
+    return (1.0 + correlation) / (1.0 - correlation)
 
 
-def _lasts(chains: list[list[Stretch]]) -> list[bool]:
+def _is_last(chains: list[list[Stretch]]) -> list[bool]:
     return [k == len(chain) - 1 for chain in chains for k in range(len(chain))]

@@ -1,4 +1,4 @@
-"""Find flights in tracks over a base that moves or has a constant level: fit, intersect, repeat."""
+"""Find flights in tracks over a base that moves or has a constant level, iteratively."""
 
 from __future__ import annotations
 
@@ -62,28 +62,29 @@ from vibrosweep.lab.tracks import find_swaps
 from vibrosweep.lab.variables import require_number, require_parameter
 
 # -----------------------------------------------------------------------------
-# Find flights in samples: fit them, intersect neighbours, assign the samples again, repeat.
+# Find flights in samples: fit them, intersect neighbours, reassign the samples, and repeat.
 
-# Share of the height of a flight above which samples belong to it, wherever its ends are
+# Fraction of the height of a flight above which samples belong to it, wherever its ends are
 UPPER: Final = 0.25
-# Fewest samples of a flight, one more than its unknowns, and least height in units of the noise
+# Smallest number of samples of a flight, one more than its unknowns, and its smallest height in
+# units of the noise
 LEAST_SAMPLES: Final = 3
 LEAST_HEIGHT: Final = 4.0
-FIRST_SHARE: Final = 0.6  # used share of the first estimate of the noise, which may be too large
+FIRST_SHARE: Final = 0.6  # factor on the first estimate of the noise, which may be too large
 # Significance level of the test for poor flights: one good flight in a million fails it
 POOR: Final = 1e-6
-# Share of poor flights at which the search has failed
+# Fraction of poor flights at which the search has failed
 MOSTLY: Final = 0.5
-# Distance from the base, in standard deviations of the noise, within which a sample is on it
+# Distance from the base, in units of the noise, within which a sample is on it
 OFF_BASE: Final = 3.0
-# Most accelerations that are tried, each found from flights fitted with the one before
+# Largest number of trial accelerations, each found from flights fitted with the previous one
 SCALES: Final = 3
-# Iterations: in most tracks no sample changes its flight after three.
+# Iterations; in most tracks no sample changes its flight after three.
 ROUNDS: Final = 4
 
 
 class Flights(NamedTuple):
-    """Flights of all particles that frames and noise resolve, in order."""
+    """All resolved flights of all particles, in order."""
 
     fits: Fits  # parabolas, arrays of shape (flight,)
     # piece, particle: numbers of the piece of track and of the particle, shape (flight,)
@@ -111,11 +112,11 @@ class Flights(NamedTuple):
 def find_flights(
     samples: Samples, gravity: float, base: float | None, exposure: float = 0.0
 ) -> Flights:
-    """Find and fit every flight.
+    """Find and fit all flights.
 
-    `base` is the height of the base in m, or None if it is to be found.  Frames whose `exposure`
-    (s) contains a landing belong to no flight.  Raises a TrackError if nothing flies, or if flights
-    do not fall with gravity.
+    `base` is the height of the base in m, or None to estimate it.  Frames whose `exposure` (s)
+    contains a landing belong to no flight.  Raises a TrackError if there is no flight, or if
+    flights do not fall with gravity.
     """
     fall = gravity
     for _ in range(SCALES):
@@ -123,25 +124,25 @@ def find_flights(
         found, error = flights.gravity, flights.gravity_error
         if not contradicts(found, error, fall):
             return flights
-        refuse_gravity(found, error, gravity)
-        fall = found  # parabolas of the wrong curvature would miss the landings
+        require_gravity(found, error, gravity)
+        fall = found  # parabolas with the wrong curvature would miss the landings
     raise TrackError(
         f"flights fall with {found:.4g} ± {error:.2g} m s-2 when fitted with "
-        f"{flights.curvature:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale describes all "
+        f"{flights.curvature:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale fits all "
         f"of them; check the heights, or film faster or closer"
     )
 
 
 def _search(samples: Samples, gravity: float, base: float | None, exposure: float) -> Flights:
     noise = rough_noise(samples)
-    # a noise that is too large would hide low flights
+    # too large a noise estimate would hide low flights
     rough = _iterate(samples, FIRST_SHARE * noise, gravity, base, exposure)
     noise = min(noise, rough.noise)
     flights = _iterate(samples, noise, gravity, base, exposure)
     if base is not None or flights.poor.mean() < MOSTLY:
         return flights
-    # if a stay follows every flight, the parabolas meet below the base, and the lowest samples lie
-    # on it
+    # if every flight is followed by a stay, the parabolas meet below the base, and the lowest
+    # samples lie on it
     parted = _iterate(samples, noise, gravity, low_points(samples, noise, None)[1], exposure)
     rests = samples.height[parted.member < 0]
     if not rests.size or parted.poor.mean() >= MOSTLY:
@@ -163,7 +164,7 @@ def _iterate(
     error, noise = 0.0, np.inf
     for turn in range(ROUNDS):
         fits, piece, member, found = _keep_resolved(samples, member, piece, base, gravity)
-        # a stay that is taken for part of a flight would raise the noise, and thereby be hidden
+        # a stay mistaken for part of a flight would inflate the noise and thus remain hidden
         noise = min(noise, found)
         ends = crossings(fits, base, gravity)
         junctions = join(fits, piece, ends, noise, gravity)
@@ -193,7 +194,7 @@ def _iterate(
 def _upper_samples(
     samples: Samples, noise: float, known: float | None
 ) -> tuple[Indices, Indices, float, Array]:
-    """Assign the samples in the upper part of each flight to it, without fits.
+    """Assign the samples in the upper part of each flight to it, without fitting.
 
     Returns the number of the flight of each sample (-1 for none), the piece of track of each
     flight, the height of the base, and the largest height in each flight.
@@ -204,12 +205,12 @@ def _upper_samples(
     flight = np.searchsorted(edges, np.arange(samples.time.size), side="right") - 1
     upper = samples.height - base > UPPER * (tops[flight] - base)
     upper[low] = False
-    # only the stretch around the highest sample, because a stay elsewhere may be as high
+    # only the stretch around the highest sample, because a stay elsewhere may be equally high
     stretch = np.cumsum(np.diff(np.where(upper, flight, -1), prepend=-2) != 0)
     at_top = samples.height == tops[flight]
-    kept = np.zeros(int(stretch[-1]) + 1, bool)
-    kept[stretch[at_top]] = True
-    return np.where(upper & kept[stretch], flight, -1), samples.piece[edges], base, tops
+    resolved = np.zeros(int(stretch[-1]) + 1, bool)
+    resolved[stretch[at_top]] = True
+    return np.where(upper & resolved[stretch], flight, -1), samples.piece[edges], base, tops
 
 
 def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
@@ -223,7 +224,7 @@ def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
                 f"heights grow downwards: with the axis turned, the particles fall with "
                 f"{falls:.3g} m s-2, and gravity is {gravity:g} m s-2; turn the axis"
             )
-    refuse_gravity(found, error, gravity)
+    require_gravity(found, error, gravity)
 
 
 def _shows_gravity(acceleration: float, error: float, gravity: float) -> bool:
@@ -232,16 +233,16 @@ def _shows_gravity(acceleration: float, error: float, gravity: float) -> bool:
 
 
 def _rough_gravity(samples: Samples, base: float | None) -> tuple[float, float]:
-    """Acceleration that the highest flights show, and its standard error, m s-2."""
+    """Acceleration of the highest flights, and its standard error, m s-2."""
     noise = rough_noise(samples)
     member, _, base, tops = _upper_samples(samples, FIRST_SHARE * noise, base)
     high = high_flights(tops - base, noise)
     return apparent_gravity(samples, np.where(high[member], member, -1), tops.size)
 
 
-def refuse_gravity(found: float, error: float, gravity: float) -> None:
+def require_gravity(found: float, error: float, gravity: float) -> None:
     """Raise a TrackError if flights fall with an acceleration (m s-2) far from gravity."""
-    # both are NaN, and nothing is refused, if no flight has enough frames to show its curvature
+    # both are NaN, and raise no error, if no flight has enough frames to determine its curvature
     if not abs(found - gravity) > max(WRONG_SCALE * gravity, SCALE_OFF * error):
         return
     units = f"multiply the scale by about {gravity / found:.2g}, or " if found > 0.0 else ""
@@ -255,28 +256,28 @@ def refuse_gravity(found: float, error: float, gravity: float) -> None:
 def _keep_resolved(
     samples: Samples, member: Indices, piece: Indices, base: float, gravity: float
 ) -> tuple[Fits, Indices, Indices, float]:
-    """Fit the flights, and keep those that frames and noise resolve; return the noise too."""
+    """Fit the flights, and select those that are resolved; also return the noise."""
     fits = fit_parabolas(samples, member, piece.size, gravity)
     noise = flight_noise(fits, float(np.ptp(samples.height)))
     with np.errstate(invalid="ignore"):
         high = fits.top(gravity) - base > LEAST_HEIGHT * noise
-    kept, fits, member = keep_resolved(fits, high, member)
-    return fits, piece[kept], member, noise
+    resolved, fits, member = keep_resolved(fits, high, member)
+    return fits, piece[resolved], member, noise
 
 
 def keep_resolved(
     fits: Fits, high: NDArray[np.bool_], member: Indices
 ) -> tuple[Indices, Fits, Indices]:
-    """Keep the flights that are `high` and have enough samples, and renumber them."""
-    kept = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
-    if not kept.size:
+    """Select the flights that are `high` and have enough samples, and renumber them."""
+    resolved = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
+    if not resolved.size:
         raise TrackError(
             "no flight rises out of the noise: check the heights, their axis, scale and base, or "
             "film faster where flights last fewer than five frames"
         )
     number = np.full(high.size + 1, -1)
-    number[kept] = np.arange(kept.size)
-    return kept, fits.take(kept), number[member]
+    number[resolved] = np.arange(resolved.size)
+    return resolved, fits.take(resolved), number[member]
 
 
 def flight_noise(fits: Fits, extent: float) -> float:
@@ -291,7 +292,7 @@ def flight_noise(fits: Fits, extent: float) -> float:
     for _ in range(2):
         good = residue <= variance * largest
         variance = float(residue[good].sum() / freedom[good].sum()) if good.any() else variance
-    # positions without noise still have errors of rounding
+    # noise-free positions still have rounding errors
     return max(float(np.sqrt(variance)), 1e-9 * extent)
 
 
@@ -310,11 +311,11 @@ def _chi_square(probability: float, freedom: Array) -> Array:
 def assign_samples(
     samples: Samples, piece: Indices, junctions: Junctions, ends: Ends, exposure: float
 ) -> Indices:
-    """Return the number of each sample's flight; -1 on the base and during a landing."""
+    """Return the index of each sample's flight; -1 on the base and during a landing."""
     start, end = ends.up.copy(), ends.down.copy()
     end[junctions.before] = junctions.landing
     start[junctions.before + 1] = junctions.liftoff
-    # an axis on which pieces do not overlap: each has an interval longer than the track
+    # a time axis on which pieces do not overlap: each has an interval longer than the track
     origin, length = samples.time.min(), 2.0 * np.ptp(samples.time) + 1.0
     place = length * samples.piece + (samples.time - origin)
     margin = exposure / 2.0
@@ -329,15 +330,15 @@ def assign_samples(
 
 
 # -----------------------------------------------------------------------------
-# A base at a constant level that differs from particle to particle: a tilted base or view.
+# A base at a constant level that differs between particles: a tilted base or camera.
 #
 # Free flight does not depend on the level: the track of each particle is shifted by the difference
 # of its level from the common one, the flights are found, and everything is shifted back.  Flights
-# beside a stay meet below the base, and on a periodic orbit all at the same height.  If all
-# bounces of a particle are alike, a low level can therefore not be told from stays, and is
+# separated by a stay meet below the base, and on a periodic orbit all at the same height.  If all
+# bounces of a particle are equal, a low level cannot therefore be distinguished from stays, and is
 # replaced by the common level.
 
-# Relative scatter of speeds from which bounces are not alike, many times the effect of noise
+# Relative scatter of speeds above which bounces are not equal, many times the effect of noise
 DIFFERENT: Final = 0.05
 
 
@@ -346,13 +347,13 @@ def flights_on_levels(
 ) -> Flights:
     """Find flights, with a level for each particle if the bounces contradict a common one.
 
-    The bounces contradict it if the chi-square of the levels about their mean is as improbable as
-    that of a poor flight.  The contacts are those of the same samples, found without a level; the
-    other arguments are those of `find_flights`.
+    They contradict it if the chi-square of the levels about their mean is as improbable as that of
+    a poor flight.  The contacts are those of the same samples, found without a level; the other
+    arguments are as in `find_flights`.
     """
-    level, error, alike = _levels(contacts, int(samples.particle[-1]) + 1)
-    known = np.isfinite(error) & ~alike
-    known |= alike & (level > _mean(level[known], error[known]))
+    level, error, equal = _levels(contacts, int(samples.particle[-1]) + 1)
+    known = np.isfinite(error) & ~equal
+    known |= equal & (level > _mean(level[known], error[known]))
     off = level - _mean(level[known], error[known])
     chi_square = float(np.sum((off[known] / error[known]) ** 2))
     if known.sum() < 2 or chi_square < chdtri(known.sum() - 1.0, POOR):
@@ -375,42 +376,42 @@ def _mean(level: Array, error: Array) -> float:
 
 
 def _levels(contacts: Contacts, count: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Level (m) at which each particle bounces, its standard error, and whether bounces are alike.
+    """Level (m) at which each particle bounces, its standard error, and whether bounces are equal.
 
     Level and error are NaN for a particle with too few bounces.
     """
     met = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
     spread = contacts.noise * np.sqrt(met.height_variance)
     level, error = np.full((2, count), np.nan)
-    alike, closing = np.zeros(count, np.bool_), contacts.departure - contacts.arrival
+    equal, closing = np.zeros(count, np.bool_), contacts.departure - contacts.arrival
     for p in range(count):
         chosen = contacts.particle == p
         height, speed = contacts.height[chosen], closing[chosen]
         level[p], error[p] = base_level(height, spread[chosen], np.nan)
         speed = speed[np.abs(height - level[p]) < ON_BASE * spread[chosen]]
-        alike[p] = speed.size > 0 and speed.std() < DIFFERENT * speed.mean()
-    return level, error, alike
+        equal[p] = speed.size > 0 and speed.std() < DIFFERENT * speed.mean()
+    return level, error, equal
 
 
 # -----------------------------------------------------------------------------
-# Flights over a moving base: cut where they meet it, and told from stays by their height.
+# Flights over a moving base: cut where they meet it, distinguished from stays by their height.
 #
 # Laws of restitution are then fitted to the contacts, together with the motion of the base.
 
 FIT_ROUNDS: Final = 3
-# Steps in a period of the highest harmonic with which the end of a flight is sought, and
-# bisections of the last step
+# Steps per period of the highest harmonic in the search for the end of a flight, and bisections of
+# the last step
 STEPS: Final = 100
 HALVINGS: Final = 40
-# Quantile of the heights above the base that is the level of a particle without contacts
+# Quantile of the heights above the base taken as the level of a particle without contacts
 LOW: Final = 0.25
 
 
 def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float) -> Flights:
     """Find the flights over a moving base from a first fit of its motion, and refine that fit.
 
-    `exposure` is the time for which the shutter was open (s).  Raises a TrackError if nothing
-    flies, or if too few contacts are left.
+    `exposure` is the exposure time (s).  Raises a TrackError if there is no flight, or if too few
+    contacts are left.
     """
     member, fall = cut.member, cut.contacts.gravity
     free, trace = base_fit.problem.frequency is None, base_fit.problem.trace
@@ -466,7 +467,7 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
 
 
 def _levels_below(base_fit: BaseFit, samples: Samples) -> Array:
-    """Level below each particle; one that has no contacts is assumed to lie mostly on the base."""
+    """Level below each particle; one without contacts is assumed to rest mostly on the base."""
     above = samples.height - base_fit.oscillation.height(samples.time)
     levels = np.array(
         [np.quantile(above[samples.particle == p], LOW) for p in range(samples.particle[-1] + 1)]
@@ -478,7 +479,7 @@ def _levels_below(base_fit: BaseFit, samples: Samples) -> Array:
 def _keep_flights(
     samples: Samples, member: Indices, fits: Fits, below: Array, noise: float, fall: float
 ) -> tuple[Indices, Fits]:
-    """Keep as flights the stretches that rise clearly above the base, whose heights are `below`."""
+    """Select the stretches that rise clearly above the base, whose heights are `below`."""
     path = fits.take(member).height(samples.time, fall)
     clear = np.full(fits.number.size, -np.inf)
     used = (member >= 0) & np.isfinite(path)
@@ -490,7 +491,7 @@ def _keep_flights(
 def _ends(
     samples: Samples, member: Indices, fits: Fits, level: Array, base_fit: BaseFit, fall: float
 ) -> Ends:
-    """Find the ends of each flight, outwards from its sample that is farthest above the base."""
+    """Find the ends of each flight, outwards from its highest sample above the base."""
     base = base_fit.oscillation
     used = member >= 0
     flight, when = member[used], samples.time[used]
@@ -521,7 +522,7 @@ def _fit_laws(base_fit: BaseFit) -> list[FittedLaw]:
     """Fit the laws of `FITTED` to the contacts of a moving base that are not outliers."""
     contacts = base_fit.problem.contacts
     speeds = base_fit.oscillation.velocity(contacts.time) - contacts.arrival
-    speeds = np.maximum(speeds[base_fit.kept], 1e-6)
+    speeds = np.maximum(speeds[base_fit.used], 1e-6)
     return [
         fit_law(name, speeds, lambda law: _fit_law(base_fit.problem._replace(law=law), base_fit))
         for name in FITTED
@@ -535,9 +536,9 @@ def _fit_law(problem: Problem, base_fit: BaseFit) -> FittedLaw:
     spread = np.sqrt(np.maximum(np.diag(base_fit.covariance), 1e-20))
     scale = np.append(spread, [0.1] * law.parameters)
     try:
-        _, found, used, _ = without_outliers(problem, start, scale, base_fit.kept)
+        _, found, used, _ = without_outliers(problem, start, scale, base_fit.used)
     except np.linalg.LinAlgError:
-        return failed_fit(law, base_fit.kept.size)
+        return failed_fit(law, base_fit.used.size)
     covariance, misfit, freedom = covariance_of_fit(found)
     last = found.x.size - law.parameters
     of_law = np.r_[: problem.parameters, last : found.x.size]  # without the levels
@@ -551,25 +552,25 @@ def _fit_law(problem: Problem, base_fit: BaseFit) -> FittedLaw:
 # Fit the flights of tracks over a moving base, or over one at a constant level.
 
 MOTIONS: Final = ("detect", "level", "moving")
-# Largest share of neighbouring flights that may meet above a moving base; otherwise its fit is
+# Largest fraction of neighbouring flights that may meet above a moving base; otherwise its fit is
 # rejected.  In irregular films a correct fit has at most 2 % of them, a wrong one 9 % and more.
 TURNED_ABOVE: Final = 0.05
 # Scatter of the restitution from bounce to bounce above which the fit is rejected; that of balls is
 # below 0.05
 MOST_SCATTER: Final = 0.1
-FREQUENCIES_APART: Final = 0.01  # largest relative difference of a given and a traced frequency
+FREQUENCIES_APART: Final = 0.01  # largest relative difference of the given frequency from a trace
 
 
 class Setup(NamedTuple):
-    """Facts about a recording that its tracks do not contain."""
+    """Information about a recording that its tracks do not contain."""
 
     base: float | None = None  # height in m at which particles land; None if unknown
-    exposure: float = 0.0  # time for which the shutter is open, s
+    exposure: float = 0.0  # exposure time, s
     # One of `MOTIONS`: the base moves, has a constant level, or the contacts decide
     motion: str = "detect"
     frequency: float | None = None  # frequency of the forcing in Hz; None if unknown
     trace: Trace | None = None  # measured motion of a moving base
-    contact: Input = INSTANT  # length of a contact over a moving base, s
+    contact: Input = INSTANT  # contact time over a moving base, s
 
 
 class FittedTracks(NamedTuple):
@@ -579,7 +580,7 @@ class FittedTracks(NamedTuple):
     samples: Samples
     flights: Flights
     swaps: list[tuple[int, int, int]]  # exchanged names, as `find_swaps` returns them
-    # Base that the contacts favour, ``"moving"``, ``"level"`` or ``"undetermined"``; or that of the
+    # Base favoured by the contacts, ``"moving"``, ``"level"`` or ``"undetermined"``; or that of the
     # setup
     favoured_base: str
 
@@ -616,7 +617,7 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
 
 
 def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, str]:
-    """Find the flights over the base that is given or that contacts favour; return its name too."""
+    """Find the flights over the given base or the one favoured by contacts; return its name too."""
     level = setup.motion == "level" or (setup.motion == "detect" and setup.base is not None)
     level = level and setup.trace is None
     if level and setup.base is not None:
@@ -636,11 +637,11 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
             if over is not None:
                 return over, favoured
             break
-        # compared with gravity, so that the corrections of all rounds together stay small
+        # compared with gravity, so that the total correction of all rounds remains small
         if not near_gravity(found, gravity):
             break
         fall = found
-    if over is not None:  # the flights over this base contradict the acceleration taken for them
+    if over is not None:  # the flights over this base contradict the assumed acceleration
         favoured = "undetermined"
         problem = TrackError(
             f"over a base that moves, flights fall with {found:.4g} ± {error:.2g} m s-2, but were "
@@ -652,7 +653,7 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
 
 
 def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights | None]:
-    """Return the base that contacts favour, and the flights over it if it moves, else None."""
+    """Return the base favoured by contacts, and the flights over it if it moves, else None."""
     if setup.trace is None:
         favoured, base_fit = which_base(cut.contacts, setup.frequency, setup.contact)
     else:
@@ -668,15 +669,15 @@ def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights
     if above > TURNED_ABOVE:
         raise TrackError(
             f"{100.0 * above:.0f} % of the flights over the base that was found meet above it, "
-            f"where nothing can turn them: the landings do not determine how the base moves; film "
+            f"which is impossible: the landings do not determine how the base moves; film "
             f"faster or closer, or give the frequency or a trace of the base"
         )
     if over.base_fit is not None and over.base_fit.problem.scatter > MOST_SCATTER:
         raise TrackError(
             f"over the base that was found restitutions scatter by "
-            f"{over.base_fit.problem.scatter:.2g}, as no ball does: the landings do not determine "
-            f"how the base moves; film faster or closer, or give the frequency or a trace of the "
-            f"base"
+            f"{over.base_fit.problem.scatter:.2g}, more than any ball: the landings do not "
+            f"determine how the base moves; film faster or closer, or give the frequency or a "
+            f"trace of the base"
         )
     # the contacts of the fitted flights are more accurate, and must favour a moving base too
     if detected and over.base_fit is not None and not moves(over.base_fit):
@@ -699,15 +700,15 @@ def _check_setup(gravity: float, setup: Setup) -> None:
 def _check_trace(setup: Setup) -> None:
     if setup.base is not None and (setup.motion == "moving" or setup.trace is not None):
         raise TrackError(
-            "a height of the base belongs to one at a constant level, but a trace or the motion "
-            "'moving' says that it moves: leave the height out"
+            "a height of the base requires a constant level, but a trace or the motion 'moving' is "
+            "given: leave the height out"
         )
     if setup.trace is None:
         return
     if setup.motion == "level":
         raise TrackError(
-            "a trace belongs to a base that moves, but the motion 'level' says that it does not: "
-            "leave one of them out"
+            "a trace requires a base that moves, but the motion 'level' is given: leave one of "
+            "them out"
         )
     traced = float(setup.trace.values[2])
     apart = 0.0 if setup.frequency is None else abs(setup.frequency - traced)

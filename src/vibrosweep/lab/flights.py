@@ -19,16 +19,16 @@ from vibrosweep.kernels._jit import Floats, kernel
 # -----------------------------------------------------------------------------
 # Samples of tracks, cut at gaps, and the low points between flights.
 
-# Length in frames above which a gap may hide a whole flight, so that no landing is sought across it
+# Length in frames above which a gap may hide a whole flight, so that no landing is assigned to it
 GAP_FRAMES: Final = 3.5
-# Standard deviations of the noise by which a low point must lie below the samples on both sides;
-# hardly one in a million samples near the top of a flight does so by chance
+# Depth of a low point below the samples on both sides, in units of the noise; by chance, hardly one
+# in a million samples near an apex is as deep
 PROMINENCE: Final = 5.0
 # Largest height of a low point relative to the higher of the neighbouring flights; with four frames
 # in a flight the lowest can be at 0.44
 LOW: Final = 0.5
-# Quantile of the heights of low points that estimates the base: the frame nearest to a landing is
-# up to half a frame from it, and above the base.
+# Quantile of the heights of low points that estimates the height of the base: the frame nearest to
+# a landing is up to half a frame away from it, and so above the base.
 LOW_QUANTILE: Final = 0.25
 
 
@@ -39,10 +39,10 @@ class Samples:
     # time, height: in s and m; all arrays have the shape (sample,)
     time: Array
     height: Array
-    # frame, particle: indices in the table of tracks
+    # frame, particle: indices in the array of tracks
     frame: Indices
     particle: Indices
-    piece: Indices  # number of the uninterrupted piece of track, rising
+    piece: Indices  # index of the uninterrupted piece of track, increasing
 
     @property
     def bounds(self) -> Indices:
@@ -53,8 +53,8 @@ class Samples:
 def samples_of(time: Array, height: Array, cuts: NDArray[np.bool_]) -> Samples:
     """Collect the measured positions, in pieces that end at long gaps and at cuts.
 
-    Times rise.  Heights and cuts have the shape (frame, particle): a height is NaN where a particle
-    is not seen, a cut is True where no flight continues from the previous frame.
+    Times increase.  Heights and cuts have the shape (frame, particle): a height is NaN where the
+    particle is not visible, a cut is True where no flight continues from the previous frame.
     """
     particle, frame = np.nonzero(np.isfinite(height.T))
     when = time[frame]
@@ -69,13 +69,13 @@ def samples_of(time: Array, height: Array, cuts: NDArray[np.bool_]) -> Samples:
 
 
 def rough_noise(samples: Samples) -> float:
-    """Estimate the noise of a position in m from third differences, before any flight is known.
+    """Estimate the noise of a position in m from third differences, before flights are known.
 
-    These are zero on a parabola and large across a landing, so that a low quantile is used.  If
-    flights last few frames, the estimate is too large by up to a factor of two.
+    These vanish on a parabola and are large across a landing, so that a low quantile is used.  If
+    flights last only a few frames, the estimate is too large by up to a factor of two.
     """
     third = np.abs(np.diff(samples.height, 3))[np.diff(samples.piece, 3) == 0]
-    # quartile of the absolute value of a normal deviate, and norm of (1, -3, 3, -1)
+    # first quartile of the absolute value of a normal deviate, and norm of (1, -3, 3, -1)
     return float(np.quantile(third, 0.25)) / (0.3186 * np.sqrt(20.0)) if third.size else 0.0
 
 
@@ -95,7 +95,7 @@ def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indi
     if base is None:
         lowest = samples.height[low] if low.size else samples.height
         base = float(np.quantile(lowest, LOW_QUANTILE))
-    # a point that is not well below the flights beside it is noise near an apex
+    # a point not well below the neighbouring flights is noise near an apex
     edges = np.unique(np.concatenate([bounds[:-1], low]))
     tops = np.maximum.reduceat(samples.height, edges)
     place = np.searchsorted(edges, low)
@@ -110,18 +110,18 @@ def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indi
 # Two neighbouring flights differ by a straight line, which is zero at the landing between them.
 # The landing therefore follows without the height of the base.
 
-# Standard errors by which the acceleration of tracks must differ from gravity to contradict it, and
-# share of gravity up to which the difference is taken for an error of the scale
+# Standard errors by which an acceleration must differ from gravity to contradict it, and fraction
+# of gravity up to which the difference is attributed to the scale
 SCALE_OFF: Final = 5.0
 WRONG_SCALE: Final = 0.2
-# Fewest high flights that can show an error of the scale
+# Smallest number of high flights that can show an error of the scale
 FEWEST_HIGH: Final = 5
-# Least height, in units of the noise, of a flight whose curvature shows gravity: many times that of
-# a false flight, noise between two low points
+# Smallest height, in units of the noise, of a flight whose curvature shows gravity: many times that
+# of a spurious flight, noise between two low points
 HIGH_ABOVE_NOISE: Final = 7.0
 # High flights have at least half the height at this quantile.
 HIGH: Final = 0.95
-TRIMMED: Final = 0.25  # share of the curvatures trimmed on either side
+TRIMMED: Final = 0.25  # fraction of the curvatures trimmed on either side
 
 
 class Fits(NamedTuple):
@@ -140,7 +140,7 @@ class Fits(NamedTuple):
         return self.level + self.slope**2 / (2.0 * gravity)
 
     def height(self, time: Array, gravity: float) -> Array:
-        """Height at an instant of each flight, m."""
+        """Height of each flight at one time each, m."""
         since = time - self.centre
         return self.level + since * (self.slope - 0.5 * gravity * since)
 
@@ -152,7 +152,7 @@ class Fits(NamedTuple):
 def fit_parabolas(samples: Samples, flight: Indices, flights: int, gravity: float) -> Fits:
     """Fit a parabola of known curvature (m s-2) to each flight.
 
-    `flight` is the number of the flight of each sample; -1 for none.
+    `flight` is the index of the flight of each sample, -1 for none.
     """
     used = flight >= 0
     owner, time = flight[used], samples.time[used]
@@ -197,7 +197,7 @@ def curvatures(samples: Samples, flight: Indices, flights: int) -> tuple[Array, 
 
 
 def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[float, float]:
-    """Acceleration with which the flights fall, and its standard error, m s-2.
+    """Downward acceleration of the flights, and its standard error, m s-2.
 
     It is the mean of the middle half of the curvatures of all flights with at least four samples,
     or NaN if there are none.  Stretches that are not flights do not affect it, and rounding to
@@ -216,30 +216,30 @@ def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[f
 def contradicts(acceleration: float, error: float, gravity: float) -> bool:
     """Return whether the acceleration of flights contradicts an assumed one, both in m s-2.
 
-    NaN, the acceleration of flights that do not show their curvature, contradicts nothing.
+    NaN, for flights whose curvature is not resolved, contradicts nothing.
     """
     return abs(acceleration - gravity) > SCALE_OFF * error
 
 
 def near_gravity(acceleration: float, gravity: float) -> bool:
-    """Return whether the acceleration of flights can be gravity seen with a wrong scale."""
+    """Return whether a wrong scale can explain the difference of an acceleration from gravity."""
     return abs(acceleration - gravity) < WRONG_SCALE * gravity
 
 
 def measured_gravity(
     samples: Samples, member: Indices, rise: Array, noise: float, gravity: float
 ) -> tuple[float, float]:
-    """Acceleration with which flights fall, and its standard error, m s-2.
+    """Downward acceleration of flights, and its standard error, m s-2.
 
     It is that of all flights or, if this contradicts gravity, that of the high ones, because low
-    flights are cut and selected with the assumed acceleration.  `rise` is the height of each
-    flight, m.
+    flights are biased towards the acceleration assumed in their selection.  `rise` is the height of
+    each flight, m.
     """
     acceleration = apparent_gravity(samples, member, rise.size)
     if not contradicts(*acceleration, gravity):
         return acceleration
     high = gravity_of_high_flights(samples, member, rise, noise)
-    # without high flights the scale is not judged, but an acceleration far from gravity is refused
+    # without high flights the scale is not tested, but an acceleration far from gravity is an error
     return (
         acceleration if np.isnan(high[0]) and not near_gravity(acceleration[0], gravity) else high
     )
@@ -248,7 +248,7 @@ def measured_gravity(
 def gravity_of_high_flights(
     samples: Samples, member: Indices, rise: Array, noise: float
 ) -> tuple[float, float]:
-    """Return `apparent_gravity` of the flights that are high enough; NaN if they are too few."""
+    """Return `apparent_gravity` of the high flights; NaN if there are too few."""
     high = high_flights(rise, noise)
     if high.sum() < FEWEST_HIGH:
         return float("nan"), float("nan")
@@ -256,12 +256,12 @@ def gravity_of_high_flights(
 
 
 def high_flights(rise: Array, noise: float) -> Flags:
-    """Mark the flights that are among the highest and rise well above the noise; all in m."""
+    """Mark the flights that are among the highest and well above the noise; all in m."""
     return np.asarray(rise > np.fmax(HIGH_ABOVE_NOISE * noise, np.quantile(rise, HIGH) / 2.0))
 
 
 def line_variance(fits: Fits, time: Array, other: Array | None = None) -> Array:
-    """Variance of the height of a flight at an instant, or its covariance with that at another.
+    """Variance of the height of a flight at a time, or covariance of the heights at two times.
 
     Both are in units of the variance of a sample.
     """
@@ -275,7 +275,7 @@ class Ends(NamedTuple):
     # up, down: instants of lift-off and landing, s
     up: Array
     down: Array
-    # rise, fall: speeds relative to the base at these instants, m s-1
+    # rise, fall: speeds relative to the base at these times, m s-1
     rise: Array
     fall: Array
 
@@ -294,14 +294,14 @@ class Meetings(NamedTuple):
     # time, height: s and m
     time: Array
     height: Array
-    closing: Array  # speed of arrival plus speed of lift-off, m s-1
+    closing: Array  # arrival speed plus lift-off speed, m s-1
     # time_variance, height_variance: in units of the variance of a sample, s^2 / m^2 and 1
     time_variance: Array
     height_variance: Array
 
 
 def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
-    """Intersect flights with those that follow; instants `near` (s) keep rounding errors small."""
+    """Intersect flights with the following ones; times `near` them (s) limit rounding errors."""
 
     def at(fits: Fits, time: Array) -> tuple[Array, Array]:
         return fits.height(time, gravity), fits.slope - gravity * (time - fits.centre)
@@ -322,13 +322,13 @@ def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
 # Cut tracks into stretches of free flight, without the height of the base.
 #
 # The function y + g t^2 / 2 of a particle is a straight line in flight, bends upwards on the base
-# and has a kink at a bounce.  The cut into straight lines that minimises chi-square plus a fixed
-# penalty for each line is found exactly (optimal partitioning, Jackson et al. 2005, IEEE Signal
-# Process. Lett. 12, 105).
+# and has a kink at a bounce.  The partition into straight lines that minimises chi-square plus a
+# fixed penalty for each line is found exactly (optimal partitioning, Jackson et al. 2005, IEEE
+# Signal Process. Lett. 12, 105).
 
-# Penalty of a line in units of chi-square, with which noise adds one cut in hundreds of flights
+# Penalty of a line in units of chi-square; noise then adds one cut in hundreds of flights
 PRICE: Final = 25.0
-# Standard deviations by which chi-square may exceed its mean for a stretch to be a line
+# Standard deviations by which the chi-square of a line may exceed its mean
 BENT: Final = 6.0
 NOISE_ROUNDS: Final = 3
 LOWEST: Final = 0.25  # quantile of the residuals of stretches from which the noise is estimated
@@ -343,11 +343,11 @@ def _partition(
     time: Floats, height: Floats, variance: float, gravity: float, starts: Flags
 ) -> None:
     """Mark the samples at which the lines of the best partition begin."""
-    begin = np.empty(time.size, np.int64)  # of the last line in the best partition up to a sample
+    begin = np.empty(time.size, np.int64)  # start of the last line up to each sample
     cost = np.full(time.size + 1, np.inf)
     cost[0] = 0.0
     for last in range(time.size):
-        # the sums are over a line that grows backwards, so that no large numbers cancel
+        # the sums are over a line extended backwards, which avoids cancellation of large numbers
         count, mean_t, mean_z, tt, tz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for first in range(last, -1, -1):
             since = time[first] - time[last]
@@ -376,8 +376,8 @@ def _partition(
 def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
     """Cut each piece of track into lines.
 
-    Returns the number of the stretch of each sample, rising, and the standard deviation of a sample
-    in m, from the residuals of the lines.
+    Returns the index of the stretch of each sample, increasing, and the standard deviation of a
+    sample in m, from the residuals of the lines.
     """
     noise = max(rough_noise(samples), 1e-9 * float(np.ptp(samples.height)))
     member = np.zeros(samples.time.size, np.intp)
@@ -403,10 +403,10 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
 def clear_flights(
     samples: Samples, member: Indices, fits: Fits, noise: float, fall: float
 ) -> Flags:
-    """Mark the stretches that fall as flights do and stays do not; shape (stretch,).
+    """Mark the stretches in free fall, unlike stays; shape (stretch,).
 
-    `member` is that of `stretches`, `noise` the standard deviation of a sample (m), `fall` the
-    acceleration of free flight (m s-2).
+    `member` is the result of `stretches`, `noise` the standard deviation of a sample (m), `fall`
+    the acceleration of free flight (m s-2).
     """
     acceleration, weight = curvatures(samples, member, fits.number.size)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -417,28 +417,28 @@ def clear_flights(
 # -----------------------------------------------------------------------------
 # Junctions of neighbouring flights: a bounce, a stay on the base, or neither.
 
-# Standard errors by which two flights must miss each other on the base for a stay between them
+# Time between two flights on the base, in standard errors, above which it is a stay
 MISSED: Final = 4.0
-# Standard errors from the base within which flights meet on it
+# Distance from the base, in standard errors, within which flights meet on it
 ON_BASE: Final = 4.0
 # Quantile of the heights at which flights meet, the first estimate of the height of the base; it is
-# high because parabolas beside a stay meet below the base
+# high because parabolas separated by a stay meet below the base
 FROM_ABOVE: Final = 0.8
-FEWEST_MEETINGS: Final = 3  # meetings
+FEWEST_MEETINGS: Final = 3
 BASE_ROUNDS: Final = 5
 
 
 class Junctions(NamedTuple):
     """Junctions of flights `before` and `before + 1`; arrays of shape (junction,)."""
 
-    before: Indices  # number of the flight that lands
-    # landing, liftoff: s; equal unless the particle stayed on the base
+    before: Indices  # index of the flight that ends
+    # landing, liftoff: s, equal unless the particle stayed on the base
     landing: Array
     liftoff: Array
     # landing_error, liftoff_error: standard errors, s
     landing_error: Array
     liftoff_error: Array
-    # Covariance of the lift-off with the landing that ends its flight, s^2; NaN if that is unseen
+    # Covariance of the lift-off with the landing that ends its flight, s^2; NaN if not observed
     covariance: Array
     stayed: Flags  # the particle stayed on the base, or bounced too low to be seen
     overlapping: Flags  # the flights meet above the base, where nothing turns the particle
@@ -452,8 +452,8 @@ def join(
 ) -> Junctions:
     """Join the neighbouring flights of each piece of track.
 
-    `piece` is the number of the piece of each flight, `noise` the standard deviation of a sample
-    (m), `contact` the time for which a bounce lasts (s).
+    `piece` is the index of the piece of each flight, `noise` the standard deviation of a sample
+    (m), `contact` the contact time (s).
     """
     before = np.flatnonzero(np.diff(piece) == 0)
     after = before + 1
@@ -464,12 +464,12 @@ def join(
         rise = noise * np.sqrt(line_variance(fits, up)) / ends.rise
         miss = (up[after] - down[before] - contact) / np.hypot(fall[before], rise[after])
         stayed = (miss > MISSED) | ~(met.closing > 0.0)
-        # the parabolas meet within a contact, at a share of it as the speeds are
+        # the parabolas meet within a contact, dividing it in the ratio of the speeds
         share = ends.rise[after] / (ends.fall[before] + ends.rise[after])
         landing = np.where(stayed, down[before], met.time - contact * share)
         liftoff = np.where(stayed, up[after], met.time + contact * (1.0 - share))
         error = noise * np.sqrt(met.time_variance)
-        # an error of height shifts an instant by error / speed; at a bounce both speeds add
+        # an error of height shifts a time by error / speed; at a bounce both speeds add
         falls = np.where(stayed, ends.fall[before], met.closing)
         rises = np.where(stayed, ends.rise[after], met.closing)
         covariance = np.full(before.size, np.nan)

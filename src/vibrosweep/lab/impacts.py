@@ -21,7 +21,7 @@ from vibrosweep.lab.base_fit import (
     FittedLaw,
     Trace,
     law_variables,
-    laws_left,
+    possible_laws,
     preferred_law,
 )
 from vibrosweep.lab.fitting import FittedTracks, Flights, Setup, fit_tracks
@@ -48,15 +48,15 @@ __all__ = [
 
 METHODS: Final = ("fit", "sign_change")
 BOUNCED, STAYED, DOUBTFUL = 0, 1, 2
-# What films over a moving base show of bounces
+# Variables of bounces over a moving base
 OF_BOUNCES: Final = {
-    "contact": ("s", "length of a contact"),
+    "contact": ("s", "contact time"),
     "contact_error": ("s", "its standard error"),
     "contact_effect": ("1", "its contribution to the error of the restitution"),
     "scatter": ("1", "scatter of the restitution from bounce to bounce"),
-    "scatter_limit": ("1", "one-sided limit (95 %) of the scatter"),
+    "scatter_limit": ("1", "upper limit (95 %) of the scatter"),
 }
-SHORT: Final = 1e-3  # relative error of a contact whose length is given
+SHORT: Final = 1e-3  # relative error of a given contact time
 _VARIABLES: Final = {
     "landing_time": ("s", "time of landing"),
     "landing_time_error": ("s", "standard error of the time of landing"),
@@ -97,22 +97,22 @@ def find_impacts(
     gravity
         Gravity in m s-2, the curvature of the flights.
     base
-        Height in m at which particles land; by default it is found from the flights.
+        Height of the base in m; by default it is estimated from the flights.
     exposure
-        Time for which the shutter is open, s.
+        Exposure time, s.
     method
-        ``"fit"``: neighbouring parabolas are intersected.  ``"sign_change"``: landings are the
+        ``"fit"``: successive parabolas are intersected.  ``"sign_change"``: landings are the
         frames at which falling turns to rising, apexes the highest frames between them.
     motion
         ``"level"``: the base has a constant level; ``"moving"``: it oscillates; ``"detect"``: the
         landings decide; the level is constant if they do not, or if `base` is given.
     frequency
-        Frequency of the forcing in Hz; by default that of a moving base is found.
+        Forcing frequency in Hz; by default that of a moving base is estimated.
     trace
         Measured motion of the base, from `vibrosweep.lab.read_trace`.
     contact
-        Length of a contact with a moving base in s, or its range, within which the film
-        determines it; by default 0.
+        Contact time over a moving base in s, or a range within which the film determines it; by
+        default 0.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def find_impacts(
         - ``next_covariance`` (s2) of a lift-off with the next landing;
         - ``flight_time``, ``rebound_height`` and ``impact_speed`` (velocity at lift-off, over a
           level base also the speed at landing) of the flight that follows, NaN if its landing was
-          not seen or one of its ends is doubtful;
+          not observed or one of its ends is doubtful;
         - ``quality``.
 
         Dim particle: numbers of frames, gaps and poor flights, and the level of the base (m).
@@ -137,14 +137,14 @@ def find_impacts(
         f t.  With a trace that is not a sine they hold S and C of each harmonic h, the factors of
         sine and cosine of 2 pi h f t.  If the bounces rule out a constant restitution, all values
         are those of the law that the attribute ``restitution_law`` names first, with its
-        ``restitution_speed`` (m s-1) if that was fitted.  ``contact`` (s) is the length of a
-        contact, with its error and its effect on the error of the restitution; ``scatter`` that
-        of the restitution from bounce to bounce, with its limit (95 %).
+        ``restitution_speed`` (m s-1) if that was fitted.  ``contact`` (s) is the contact
+        time, with its error and its contribution to the error of the restitution; ``scatter`` is
+        that of the restitution from bounce to bounce, with its upper limit (95 %).
 
     Raises
     ------
     TrackError
-        Nothing bounces, nothing falls with gravity, the base is not below the tracks, or
+        There are no bounces, no flights fall with gravity, the base is not below the tracks, or
         `motion` is ``"moving"`` and the landings do not determine the motion.
     ParameterError
         Gravity or frequency is outside its range.
@@ -163,7 +163,7 @@ def find_impacts(
 
 
 def contact_of(contact: float | tuple[float, float] | None) -> Input:
-    """Return what is known of the length of a contact (s)."""
+    """Return the prior of the contact time (s)."""
     if contact is None:
         return INSTANT
     known = given("contact", contact)
@@ -210,7 +210,7 @@ def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method:
         "apparent_gravity_error": flights.gravity_error,
         "scale_off": int(flights.curvature != gravity),
         "base_motion": "level" if flights.base_fit is None else "moving",
-        "restitution_law": " or ".join(laws_left(flights.laws)),
+        "restitution_law": " or ".join(possible_laws(flights.laws)),
         "favoured_base": fitted.favoured_base,
     }
     return found
@@ -224,7 +224,7 @@ def harmonic_numbers(impacts: xr.Dataset) -> tuple[int, ...]:
 def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> xr.Dataset:
     """Variables of restitution and motion of the base, from the fit with `law` if there is one.
 
-    `scale` multiplies speeds, to correct tracks of a wrong scale.
+    `scale` multiplies speeds, to correct the scale of the tracks.
     """
     numbers = base_fit.oscillation.numbers
     words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
@@ -234,7 +234,7 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
         words = "of the base that moves with the sum of Sh sin 2 pi h f t + Ch cos 2 pi h f t"
     names = ["restitution", *pairs[:2], "frequency", *pairs[2:]]
     names = names[: base_fit.problem.parameters]  # the frequency may be known
-    fit, used = law or base_fit, law.bounces if law else int(base_fit.kept.sum())
+    fit, used = law or base_fit, law.bounces if law else int(base_fit.used.sum())
     names += ["restitution_speed"] if law and law.law.parameters else []
     of_base = slice(None, len(names))
     units = {"restitution": "1", "frequency": "Hz"}
@@ -262,7 +262,7 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
 
 
 def _of_bounces(fit: BaseFit) -> dict[str, tuple[float, str, str]]:
-    """Length of a contact and scatter of the restitution, as variables with their errors."""
+    """Contact time and scatter of the restitution, as variables with their errors."""
     error, limit = float(np.sqrt(fit.covariance[-1, -1])), fit.scatter_limit
     effect = abs(float(fit.covariance[0, -1])) / error
     values = (float(fit.values[-1]), error, effect, fit.problem.scatter, limit)
@@ -278,8 +278,8 @@ def _landings_by_fit(
     """Particle of each landing, and columns of `_VARIABLES` and quality, from fitted flights."""
     joint, fits = flights.junctions, flights.fits
     after = joint.before + 1
-    odd = flights.poor[joint.before] | flights.poor[after] | joint.overlapping
-    linked = np.flatnonzero((after[:-1] == joint.before[1:]) & ~odd[:-1] & ~odd[1:])
+    doubtful = flights.poor[joint.before] | flights.poor[after] | joint.overlapping
+    linked = np.flatnonzero((after[:-1] == joint.before[1:]) & ~doubtful[:-1] & ~doubtful[1:])
     duration = np.full(joint.before.size, np.nan)
     duration[linked] = joint.landing[linked + 1] - joint.liftoff[linked]
     seen = np.isfinite(duration)
@@ -300,7 +300,7 @@ def _landings_by_fit(
         "impact_speed": speed,
         "rebound_height": np.where(seen, height[after], np.nan),
         "rebound_height_error": np.where(seen, error[after], np.nan),
-        "quality": np.where(odd, DOUBTFUL, np.where(joint.stayed, STAYED, BOUNCED)),
+        "quality": np.where(doubtful, DOUBTFUL, np.where(joint.stayed, STAYED, BOUNCED)),
     }
     return flights.particle[joint.before], columns
 
@@ -308,7 +308,7 @@ def _landings_by_fit(
 def _landings_by_sign(
     fitted: FittedTracks, frame_rate: float, gravity: float
 ) -> tuple[NDArray[np.intp], dict[str, NDArray[Any]]]:
-    """Like `_landings_by_fit`, from frames: the lowest are landings, the highest apexes."""
+    """As `_landings_by_fit`, from frames: the lowest are landings, the highest apexes."""
     samples, flights, _, _ = fitted
     above = replace(samples, height=samples.height - flights.levels[samples.particle])
     low, _ = low_points(above, flights.noise, 0.0)
@@ -453,10 +453,7 @@ def _neighbours(vectors: NDArray[np.complex128]) -> float:
 
 
 def _closest(impacts: xr.Dataset) -> float:
-    """Smallest separation in s of landings of different particles.
-
-    NaN if it is below the standard error of the difference.
-    """
+    """Smallest separation in s of landings of different particles; NaN if below its error."""
     quality = impacts["quality"].values
     certain = (quality >= BOUNCED) & (quality != DOUBTFUL)
     time = np.where(certain, impacts["landing_time"].values, np.nan)
@@ -465,7 +462,7 @@ def _closest(impacts: xr.Dataset) -> float:
     order = np.argsort(time[landed])
     times, owners = time[landed][order], owner[landed][order]
     errors = impacts["landing_time_error"].values[landed][order]
-    # the closest landings of different particles are neighbours in time
+    # the closest landings of different particles are consecutive in time
     different = np.flatnonzero(np.diff(owners) != 0)
     if not different.size:
         return float("nan")
@@ -476,7 +473,7 @@ def _closest(impacts: xr.Dataset) -> float:
 
 
 def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
-    """Compute the mean, standard deviation and coefficient of variation over repeats.
+    """Compute mean, standard deviation and coefficient of variation over repeats.
 
     Parameters
     ----------
@@ -487,8 +484,8 @@ def agreement(trials: Sequence[xr.Dataset]) -> xr.Dataset:
     -------
     xarray.Dataset
         Dim quantity: ``mean``, ``sd``, ``variation`` (sd / mean; NaN for phases, whose zero is
-        arbitrary), and ``accepted``: 1 if the variation is below the criterion of the study, 8 %, 0
-        if it is not, -1 if there is none.
+        arbitrary), and ``accepted``: 1 if the variation is below the study's criterion of 8 %, 0
+        if not, -1 if undefined.
 
     Raises
     ------

@@ -22,13 +22,13 @@ from vibrosweep.model.shapes import HARMONICS_NAME, SINE
 from vibrosweep.scene.scene import stored
 
 # -----------------------------------------------------------------------------
-# What drops on a floor show, in sentences.
+# Reports on drops on a floor.
 
-SHOWN: Final = 20  # remarks
+MOST_REMARKS: Final = 20  # in a report
 
 
 def restitution_lines(found: xr.Dataset) -> list[str]:
-    """Describe the restitution of a ball on a floor, or over a shaken base."""
+    """Report the restitution of a ball on a floor, or over a shaken base."""
     if "frequency" in found:
         return _shaken_lines(found)
     unit = " m/s" if found.attrs["speed_known"] else " (scale or frame rate not known)"
@@ -58,14 +58,14 @@ def restitution_lines(found: xr.Dataset) -> list[str]:
     if not found.attrs["speed_known"]:
         lines.append("e needs neither scale nor frame rate; speeds need both")
     remarks = found.attrs["remarks"].split("\n") if found.attrs["remarks"] else []
-    lines += [f"  {remark}" for remark in remarks[:SHOWN]]
-    if len(remarks) > SHOWN:
-        lines.append(f"  and {len(remarks) - SHOWN} more remarks")
+    lines += [f"  {remark}" for remark in remarks[:MOST_REMARKS]]
+    if len(remarks) > MOST_REMARKS:
+        lines.append(f"  and {len(remarks) - MOST_REMARKS} more remarks")
     return lines
 
 
 def _shaken_lines(found: xr.Dataset) -> list[str]:
-    """Describe what times tell of a ball over a shaken base."""
+    """Report the results from times of impacts over a shaken base."""
     values = {
         name: with_error(float(found[name]), float(found[f"{name}_error"]))
         for name in ("restitution", "frequency", "base_acceleration", "phase")
@@ -86,8 +86,8 @@ def _shaken_lines(found: xr.Dataset) -> list[str]:
     if not attributes["contact_known"]:
         of_e, gamma = found["contact_effect"].values
         lines.append(
-            f"  contacts are taken as instantaneous: for each ms that they last e would be "
-            f"{of_e:+.2g} and the acceleration {gamma:+.2g} different; state --contact"
+            f"  contacts are assumed instantaneous: each ms of contact time would change e by "
+            f"{of_e:+.2g} and the acceleration by {gamma:+.2g}; give --contact"
         )
     return lines + [f"  {text}" for text in attributes["remarks"].split("\n") if text]
 
@@ -96,15 +96,15 @@ def _dependence(found: xr.Dataset) -> list[str]:
     per = "per m/s" if found.attrs["speed_known"] else "per unit of speed"
     slope, error = float(found["slope"]), float(found["slope_error"])
     if not np.isfinite(slope):
-        return ["a dependence on the speed is not determined by so few bounces"]
+        return ["a dependence on speed is not determined by so few bounces"]
     words = found.attrs["dependence"]
     lines = [f"slope of e {with_error(slope, error)} {per}"]
     if words == CONSTANT:
-        lines[0] += ": no dependence on the speed is seen"
+        lines[0] += ": no significant dependence on speed"
     else:
-        lines[0] += f": e {words} with the speed"
+        lines[0] += f": e {words} with speed"
         if not found.sizes["law"]:
-            lines[0] += "; which law, or whether drag, these recordings do not determine"
+            lines[0] += "; these recordings do not distinguish between laws of restitution and drag"
     shown = []
     for name in found["law"].values:
         law = found.sel(law=name)
@@ -124,10 +124,10 @@ def _dependence(found: xr.Dataset) -> list[str]:
 
 
 def _ends_of_line(found: xr.Dataset, middle: float) -> list[list[float]]:
-    """Return the ends of a line over the speeds of the bounces, as points of a law.
+    """Return the ends of a line over the range of impact speeds, as points of a law.
 
-    `middle` is its restitution at the median speed.  There are none if a sweep does not take them,
-    or if the speeds have no known unit.
+    `middle` is its restitution at the median speed.  The list is empty if a sweep does not allow
+    these points, or if the unit of speed is not known.
     """
     speeds = found["bounce_speed"].values
     used = speeds[found["bounce_used"].values == 1]
@@ -152,7 +152,8 @@ def _scatter(found: xr.Dataset, drops: int) -> list[str]:
         low = float(found[f"{name}_quantile"][0])
         if not np.isfinite(value):
             few = "one drop" if drops == 1 and name == "drop_scatter" else "so few bounces"
-            lines.append(f"scatter from {words} is not determined by {few}, and not in the error")
+            text = f"scatter from {words} is not determined by {few}"
+            lines.append(f"{text}, nor included in the error")
         elif low < 0.2 * value:
             lines.append(f"scatter from {words} not determined, at most {limit:.2g} (95 %)")
         else:
@@ -160,9 +161,9 @@ def _scatter(found: xr.Dataset, drops: int) -> list[str]:
             lines.append(f"scatter from {words} {value:.2g} (68 %: {low:.2g} to {high:.2g})")
     another = float(found["prediction_error"])
     if np.isfinite(another):
-        lines.append(f"the mean restitution of another drop is known to ± {another:.2g}")
+        lines.append(f"prediction error for the mean restitution of another drop {another:.2g}")
     if np.isfinite(float(found["timing"])):
-        lines.append(f"times of clicks are off by {1e3 * float(found['timing']):.2g} ms")
+        lines.append(f"standard deviation of click times {1e3 * float(found['timing']):.2g} ms")
     return lines
 
 
@@ -187,14 +188,14 @@ def _inputs(found: xr.Dataset) -> list[str]:
     effect = float(found["drag_effect"])
     if np.isfinite(effect):
         lines.append(
-            f"drag is not corrected: with a terminal speed of 20 m/s e would be {effect:+.2g} "
-            f"higher; state mass and diameter of the ball"
+            f"drag is not corrected: a terminal speed of 20 m/s would change e by {effect:+.2g}; "
+            f"give mass and diameter of the ball"
         )
     return lines
 
 
 def numbers_of(found: xr.Dataset) -> dict[str, Any]:
-    """Return the numbers of a result, without samples of films."""
+    """Return the variables and attributes of a result, without samples of films."""
     numbers = {str(name): one.values for name, one in found.variables.items()}
     return {name: value for name, value in numbers.items() if not name.startswith("sample_")} | {
         str(name): value for name, value in found.attrs.items()
@@ -204,15 +205,15 @@ def numbers_of(found: xr.Dataset) -> dict[str, Any]:
 # -----------------------------------------------------------------------------
 # Results of the laboratory as lines of text, and the data of its figures.
 
-SEEN: Final = 3.0  # standard errors of a contact whose length is stated
-ONE_SIDED: Final = 1.645  # standard errors of a limit of 95 %
-LEAST_EFFECT: Final = 1e-6  # of a contact on the error of e that is stated
-SCATTERS: Final = 0.5  # share of its limit that a scatter is which is stated
-INSTANTS: Final = 24  # points of the drawn base in a period of its highest harmonic
+SEEN: Final = 3.0  # standard errors from which a contact time is reported as a value
+ONE_SIDED: Final = 1.645  # standard errors of a one-sided 95 % limit
+LEAST_EFFECT: Final = 1e-6  # smallest reported contribution of the contact time to the error of e
+SCATTERS: Final = 0.5  # ratio to its upper limit above which a scatter is reported as a value
+INSTANTS: Final = 24  # plotted points of the base per period of its highest harmonic
 
 
 def impact_lines(impacts: xr.Dataset) -> list[str]:
-    """Describe the landings of a recording and its faults."""
+    """Report the landings of a recording and its defects."""
     attributes = impacts.attrs
     quality = impacts["quality"].values
     error = impacts["landing_time_error"].values
@@ -226,16 +227,16 @@ def impact_lines(impacts: xr.Dataset) -> list[str]:
         f"{attributes['noise']:.2g} m; base at {attributes['base']:.3g} m",
     ]
     lines += [f"  {line}" for line in _base_lines(impacts)]
-    stays, odd = int((quality == STAYED).sum()), int((quality == DOUBTFUL).sum())
+    stays, doubtful = int((quality == STAYED).sum()), int((quality == DOUBTFUL).sum())
     if stays:
         lines.append(f"  {stays} stays on the base, or bounces too low or short to be seen")
-    if odd:
-        lines.append(f"  {odd} landings beside flights that fit badly are doubtful")
+    if doubtful:
+        lines.append(f"  {doubtful} landings next to poorly fitted flights are doubtful")
     return lines + [f"  {remark}" for remark in remarks(impacts)]
 
 
 def _base_lines(impacts: xr.Dataset) -> list[str]:
-    """Describe the motion of the base."""
+    """Report the motion of the base."""
     if impacts.attrs["base_motion"] == "level":
         favoured = _favoured(impacts)
         doubt = "; the landings do not determine whether it moves"
@@ -261,13 +262,13 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
 
 
 def _lines_of_bounces(found: xr.Dataset) -> list[str]:
-    """State the length of a contact and the scatter of the restitution, or their limits."""
+    """Report contact time and scatter of the restitution, or their upper limits."""
     if "contact" not in found:
         return []
     contact, error, effect, scatter, limit = (float(found[name]) for name in OF_BOUNCES)
-    scattered = f"{scatter:.2g}, " if scatter > SCATTERS * limit else "not seen, "
+    scattered = f"{scatter:.2g}, " if scatter > SCATTERS * limit else "not detected, "
     lines = [f"scatter of e from bounce to bounce {scattered}at most {limit:.2g} (95 %)"]
-    if effect > LEAST_EFFECT:  # a range of the contact was stated
+    if effect > LEAST_EFFECT:  # a range of the contact time was given
         lasts = f"last {with_error(1e3 * contact, 1e3 * error)} ms"
         if contact < SEEN * error:
             lasts = f"last at most {1e3 * max(contact + ONE_SIDED * error, 0.0):.2g} ms (95 %)"
@@ -276,7 +277,7 @@ def _lines_of_bounces(found: xr.Dataset) -> list[str]:
 
 
 def _harmonic_lines(found: xr.Dataset) -> list[str]:
-    """State weights and phases of the harmonics of the base, and its waveform in a sweep file."""
+    """Report weights and phases of the harmonics of the base, and its waveform in a sweep file."""
     shape = stored(found.attrs)
     if shape == SINE:
         return []
@@ -296,7 +297,7 @@ def _harmonic_lines(found: xr.Dataset) -> list[str]:
 
 
 def agreement_lines(found: xr.Dataset) -> list[str]:
-    """Tabulate the mean, standard deviation and coefficient of variation over the recordings."""
+    """Tabulate mean, standard deviation and coefficient of variation over the recordings."""
     repeats = found.attrs["repeats"]
     words = {1: "yes", 0: "no", -1: ""}
     lines = [
@@ -319,7 +320,7 @@ def agreement_lines(found: xr.Dataset) -> list[str]:
 
 
 def table_lines(table: xr.Dataset) -> list[str]:
-    """Tabulate a comparison, and list other readings of its errors below."""
+    """Tabulate a comparison, and list other definitions of its errors below."""
     lines = [
         f"{'case':10}{'repeats':>9}{'compared':>10}  {'quantity':10}{'measured':>11}"
         f"{'predicted':>11}{'error %':>9}{'frames %':>10}{'pixels %':>10}{'params %':>10}"
@@ -368,7 +369,7 @@ def table_lines(table: xr.Dataset) -> list[str]:
 
 
 def _distribution_lines(row: xr.Dataset, case: str) -> list[str]:
-    """Compare the flights of an irregular motion as a whole."""
+    """Compare the distributions of flights of irregular motion."""
     share, chance = float(row["irregular"]), float(row["distribution_chance"])
     apart = ", ".join(
         f"of {name} {float(value):.2g}"
@@ -376,14 +377,14 @@ def _distribution_lines(row: xr.Dataset, case: str) -> list[str]:
     )
     return [
         f"  {case}: the motion of {100.0 * share:.0f} % of the particles is irregular: errors of "
-        f"the start grow, so that single flights cannot be predicted;",
+        f"the initial conditions grow, so that single flights cannot be predicted;",
         f"  largest difference of the distributions of flights {apart}; by chance up to "
         f"{chance:.2g} (95 % of pairs of predictions)",
     ]
 
 
 def _favoured(found: xr.Dataset) -> str:
-    """Return the base that the landings favour."""
+    """Return the base favoured by the landings."""
     if "favoured_base" not in found.attrs:
         raise DataError("was written by an earlier version of vibrosweep; compute it again")
     return str(found.attrs["favoured_base"])
@@ -393,9 +394,9 @@ def flights_of(tracks: xr.Dataset, fitted: FittedTracks) -> xr.Dataset:
     """Samples, fitted flights and landings of a recording, for its figure.
 
     Times are in s, heights in m.  Dim sample: ``time``, ``height``, ``particle``, ``residual`` (in
-    standard errors, NaN between flights) and ``within``, the place of the sample in its flight from
-    0 to 1.  Dim flight: ``start``, ``end``, and at the start ``speed`` (m s-1) and ``rise``, the
-    height; ``owner``, its particle.  Dim landing: ``landing_time``, ``landing_error``,
+    standard errors, NaN between flights) and ``within``, the position of the sample in its flight,
+    from 0 to 1.  Dim flight: ``start``, ``end``, and at the start ``speed`` (m s-1) and ``rise``,
+    the height; ``owner``, its particle.  Dim landing: ``landing_time``, ``landing_error``,
     ``landing_height``, ``landing_owner``.  Dim instant: ``base_time`` and ``base_height``, of a
     moving base above its level.  Dim track: the ``level`` below the particle ``name``.  Attributes:
     ``noise``, ``base``, ``curvature``, ``frame_rate``.

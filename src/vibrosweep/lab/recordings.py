@@ -1,4 +1,4 @@
-"""Recordings from files as other programs write them: tracks, times of impacts, and sound."""
+"""Recordings from files of other programs: tracks, times of impacts, and sound."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ if TYPE_CHECKING:
 __all__ = ["read_tracks", "tracks_from_frame"]
 
 # -----------------------------------------------------------------------------
-# A track as its file holds it, and how files are read.
+# Tracks in units of their files, and options of reading.
 
 AXES: Final = ("up", "down")
-SENTINELS: Final = (0.0, -1.0)  # what programs write for a position that was lost
+SENTINELS: Final = (0.0, -1.0)  # placeholders for lost positions in some programs
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,29 +57,29 @@ class Recording:
     >>> import numpy as np
     >>> import vibrosweep as vs
     >>> times = np.array([0.0, 0.80, 1.52, 2.168])  # s, of four impacts
-    >>> heard = vs.lab.Recording("drop 1", "", times, None, None, True, True, 0.0, None)
-    >>> print(heard.height is None)
+    >>> drop = vs.lab.Recording("drop 1", "", times, None, None, True, True, 0.0, None)
+    >>> print(drop.height is None)
     True
     """
 
-    name: str  # the file, and what tells it from others of that file
-    group: str  # what is pooled together; empty if the file names none
-    time: NDArray[np.float64]  # s on the clock of the file, or frames if the rate is not known
-    # Upwards, in m, or in units of the file if the scale is not known; None if `time` is impacts
+    name: str  # name of the file, with a suffix if it holds several recordings
+    group: str  # name of a group of recordings to pool; empty if the file names none
+    time: NDArray[np.float64]  # s on the clock of the file, or frames if their rate is not known
+    # Upwards, in m, or in units of the file if the scale is not known; None for times of impacts
     height: NDArray[np.float64] | None
-    horizontal: NDArray[np.float64] | None  # the second coordinate of a track if there is one
+    horizontal: NDArray[np.float64] | None  # horizontal coordinate of a track, if any
     scale_known: bool
     rate_known: bool
-    rounding: float  # s, step to which times are rounded; 0 if none is seen
-    peaks: NDArray[np.float64] | None  # loudness of each click, from a sound
+    rounding: float  # s, resolution of the times; 0 if they are not rounded
+    peaks: NDArray[np.float64] | None  # loudness of each click in a sound recording
     label: str = ""  # name of the particle or of the recording inside its file
     pixels: bool = False  # heights are rows of an image
-    remarks: tuple[str, ...] = ()  # what was taken for lost, or left out
+    remarks: tuple[str, ...] = ()  # positions taken for lost or left out
 
 
 @dataclass(frozen=True)
 class Reading:
-    """How files are read; as the arguments of `read_recordings`."""
+    """Options of reading files, as the arguments of `read_recordings`."""
 
     scale: float | None = None
     frame_rate: float | None = None
@@ -114,7 +114,7 @@ class Track:
     horizontal: Array | None
 
 
-def made(
+def convert(
     track: Track,
     head: Heading,
     how: Reading,
@@ -124,7 +124,7 @@ def made(
     label: str,
     about: dict[str, Any],
 ) -> Recording:
-    """Convert a track to m, upwards; `image` tells that rows of pixels are counted downwards."""
+    """Convert a track to m, upwards; `image` is True for rows of pixels counted downwards."""
     pixels = head.unit.lower() in PIXELS
     factor = (1.0, 1.0) if pixels else length_factor(head.unit)
     if factor is None:
@@ -136,29 +136,29 @@ def made(
         factor = (how.scale, 1.0)
     stated = bool(head.unit) and not pixels
     known = how.scale is not None or stated or (head.text.lower() == "height" and not image)
-    height, beside, remarks = track.height.copy(), track.horizontal, []
+    height, horizontal, remarks = track.height.copy(), track.horizontal, []
     for value in SENTINELS:
-        lost = _lost(height, value)
+        lost = _lost_positions(height, value)
         if lost.any():
             height[lost] = np.nan
             remarks.append(
-                f"{name}: {lost.sum()} heights are {value:g}, far from those beside them: taken "
-                f"for lost positions"
+                f"{name}: {lost.sum()} heights are {value:g}, far from the neighbouring ones: "
+                f"taken for lost positions"
             )
     up = how.axis or ("down" if image else "up")
     sign = 1.0 if up == "up" else -1.0
     with np.errstate(over="ignore"):
-        if beside is not None:
-            beside = np.where(np.isnan(height), np.nan, beside) * factor[0] / factor[1]
+        if horizontal is not None:
+            horizontal = np.where(np.isnan(height), np.nan, horizontal) * factor[0] / factor[1]
         height = sign * (height - (how.base or 0.0)) * factor[0] / factor[1]
-    if np.isinf(height).any() or (beside is not None and np.isinf(beside).any()):
-        raise TrackError(f"{name}: positions are too large to be computed with; check the scale")
+    if np.isinf(height).any() or (horizontal is not None and np.isinf(horizontal).any()):
+        raise TrackError(f"{name}: positions are too large for the computation; check the scale")
     return Recording(
         name,
         group,
         track.time,
         height,
-        beside,
+        horizontal,
         peaks=None,
         label=label,
         pixels=image,
@@ -167,8 +167,8 @@ def made(
     )
 
 
-def _lost(height: Array, value: float) -> Flags:
-    """Mark the positions that repeat a value from which the track jumps as from no other."""
+def _lost_positions(height: Array, value: float) -> Flags:
+    """Mark positions equal to a placeholder, which shows as unusual jumps of the track."""
     hit = height == value
     seen = np.isfinite(height)
     none = np.zeros(height.size, np.bool_)
@@ -185,7 +185,7 @@ def _lost(height: Array, value: float) -> Flags:
 
 
 # -----------------------------------------------------------------------------
-# Which columns of a table belong together: times, heights, and where they lie side by side.
+# Grouping of columns: times, heights, and recordings side by side.
 
 FORMATS: Final = (
     "give a column of times and one of heights, such as time and height, or t and y; frames with "
@@ -195,7 +195,7 @@ FORMATS: Final = (
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns of one recording of a table, by their places."""
+    """Indices of the columns of one recording."""
 
     time: int
     height: int | None
@@ -204,7 +204,7 @@ class Columns:
 
 
 def chosen_headings(table: Cells, how: Reading) -> list[Heading]:
-    """Return the headings of a table; with a chosen column no other holds heights or times."""
+    """Return the headings of a table; a chosen column is the only one with heights or times."""
     headings = list(table.headings)
     if len(headings) == 1 and not headings[0].role and table.wordless(0):
         headings[0] = replace(headings[0], role="time")
@@ -224,16 +224,16 @@ def chosen_headings(table: Cells, how: Reading) -> list[Heading]:
 def series_of_columns(table: Cells, headings: list[Heading]) -> list[Columns]:
     """Find the columns of each recording."""
     places = {
-        role: [k for k, h in enumerate(headings) if h.role == role and _holds(table, k)]
+        role: [k for k, h in enumerate(headings) if h.role == role and _has_values(table, k)]
         for role in ("time", "frame", "height", "depth", "horizontal")
     }
     times = places["time"] or places["frame"]
     heights = places["height"] or places["depth"] or _lengths(table, headings)
     if not heights:
-        # a trace of the base, or a track without its heights
+        # a trace of the base, or a track without heights
         other = any(h.role in ("acceleration", "horizontal", "frame") for h in headings)
         times = [] if other else places["time"]
-        if len(times) > 1 and not _alike([headings[k] for k in times]):
+        if len(times) > 1 and not _are_side_by_side([headings[k] for k in times]):
             raise _ambiguous(table, [headings[k] for k in times], "times of impacts")
         return [
             Columns(k, None, None, headings[k].label or (str(n) if len(times) > 1 else ""))
@@ -241,31 +241,31 @@ def series_of_columns(table: Cells, headings: list[Heading]) -> list[Columns]:
         ]
     if not times:
         raise TrackError(f"{table.source}: has the columns {table.names}; {FORMATS}")
-    if len(heights) > 1 and not _alike([headings[k] for k in heights]):
+    if len(heights) > 1 and not _are_side_by_side([headings[k] for k in heights]):
         raise _ambiguous(table, [headings[k] for k in heights], "heights")
     series = []
     for n, k in enumerate(heights, start=1):
         low = heights[n - 2] if n > 1 else -1
         high = heights[n] if n < len(heights) else len(headings)
-        beside = [j for j in places["horizontal"] if low < j < high]
-        beside.sort(key=lambda j: abs(j - k))
+        horizontal = [j for j in places["horizontal"] if low < j < high]
+        horizontal.sort(key=lambda j: abs(j - k))
         series.append(
             Columns(
                 max((j for j in times if j < k), default=times[0]),
                 k,
-                beside[0] if beside else None,
+                horizontal[0] if horizontal else None,
                 headings[k].label or (str(n) if len(heights) > 1 else ""),
             )
         )
     return series
 
 
-def _holds(table: Cells, k: int) -> bool:
+def _has_values(table: Cells, k: int) -> bool:
     return any(cell.lower() not in MISSING for cell in table.column(k))
 
 
 def _lengths(table: Cells, headings: list[Heading]) -> list[int]:
-    """Return the columns in a unit of length whose names say nothing."""
+    """Return the columns with a unit of length and an uninformative name."""
     return [
         k
         for k, h in enumerate(headings)
@@ -273,8 +273,8 @@ def _lengths(table: Cells, headings: list[Heading]) -> list[int]:
     ]
 
 
-def _alike(headings: list[Heading]) -> bool:
-    """Tell whether columns differ at most in their labels or in a number: drops side by side."""
+def _are_side_by_side(headings: list[Heading]) -> bool:
+    """Return whether columns differ only in labels or in a number, as for drops side by side."""
     names = {re.sub(r"[\W\d_]+", " ", h.text.lower()).strip() for h in headings}
     labels = {h.label for h in headings}
     return len(names) == 1 or (len(labels) == len(headings) and "" not in labels)
@@ -289,17 +289,17 @@ def _ambiguous(table: Cells, headings: list[Heading], what: str) -> TrackError:
 
 
 # -----------------------------------------------------------------------------
-# Tracks of MTrack2, a plugin of ImageJ.
+# Tracks of MTrack2, an ImageJ plugin.
 
-REACH: Final = 30.0  # pixels in a frame up to which positions are joined
-MEMORY: Final = 10.0  # frames without a position that end a track
-STILL: Final = 0.25  # movement of a mark or a hand, relative to that of the ball
+REACH: Final = 30.0  # largest displacement per frame in pixels for joining positions
+MEMORY: Final = 10.0  # frames without a position after which a track ends
+STILL: Final = 0.25  # range of motion, relative to that of the ball, below which a track is a mark
 
 
 def mtrack_recordings(content: bytes, source: str, how: Reading) -> list[Recording]:
-    """Read an export of MTrack2 of ImageJ; empty if the file is none.
+    """Read an MTrack2 export of ImageJ; empty for another format.
 
-    Separators of empty cells may be lost: positions are then joined to the nearest ones before.
+    Separators of empty cells may be lost; positions are then assigned to the nearest track.
     """
     if not re.match(rb"(\xef\xbb\xbf)?\s*Frame\W+X1\W+Y1\W+Flag1\b", content):
         return []
@@ -327,8 +327,8 @@ def mtrack_recordings(content: bytes, source: str, how: Reading) -> list[Recordi
                 }
             else:
                 bare = [float(c) for c in rest if c != "*"]
-                if len(bare) % 2:  # a cell was lost, and with it which numbers are pairs
-                    remarks.append(f"{source}: line {number} has no whole pairs: left out")
+                if len(bare) % 2:  # a cell was lost, so that the pairs are ambiguous
+                    remarks.append(f"{source}: line {number} has an incomplete pair: left out")
                     continue
                 pairs = _joined_table(tracks, frame, list(zip(bare[::2], bare[1::2], strict=True)))
             for k, pair in pairs.items():
@@ -338,7 +338,7 @@ def mtrack_recordings(content: bytes, source: str, how: Reading) -> list[Recordi
                 f"{source}: line {number}: {line.strip()!r} does not hold a frame and pairs of "
                 f"positions"
             ) from error
-    return _balls(tracks, source, how, remarks)
+    return _moving_tracks(tracks, source, how, remarks)
 
 
 def _joined_table(
@@ -346,7 +346,7 @@ def _joined_table(
     frame: float,
     pairs: list[tuple[float, float]],
 ) -> dict[int, tuple[float, float]]:
-    """Give positions to the tracks whose last position is nearest, and others to new tracks."""
+    """Assign positions to the tracks with the nearest last position, or to new tracks."""
     from scipy.optimize import linear_sum_assignment
 
     live = [k for k, t in enumerate(tracks) if t and frame - max(t) <= MEMORY]
@@ -366,10 +366,10 @@ def _joined_table(
     return found
 
 
-def _balls(
+def _moving_tracks(
     tracks: list[dict[float, tuple[float, float]]], source: str, how: Reading, remarks: list[str]
 ) -> list[Recording]:
-    """Make recordings of the tracks that move; the others are marks."""
+    """Make recordings of the moving tracks; the others are marks."""
     arrays = [
         Track(
             np.array(sorted(t)) / (how.frame_rate or 1.0),
@@ -390,7 +390,7 @@ def _balls(
     head = Heading("Y", "height", "px", "")
     several = len(balls) > 1 or how.particle is not None
     found = [
-        made(
+        convert(
             arrays[k],
             head,
             how,
@@ -414,16 +414,16 @@ def _balls(
 # -----------------------------------------------------------------------------
 # Clicks of impacts in a sound file.
 
-APART: Final = 0.02  # s, least time between two clicks
-RISE: Final = 10.0  # dB by which a click stands above the noise and above what is before it
-WINDOW: Final = 5e-4  # s over which loudness is averaged
-ONSET: Final = 0.2  # share of the loudness of a click at which it begins
+APART: Final = 0.02  # s, shortest time between two clicks
+RISE: Final = 10.0  # dB, height of a click above the noise, and its prominence
+WINDOW: Final = 5e-4  # s, averaging time of the loudness
+ONSET: Final = 0.2  # fraction of the loudness of a click at its onset
 
 
 def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
-    """Return times (s) and loudness of the clicks in a WAV file, and the step of its samples (s).
+    """Return times (s) and loudness of the clicks in a WAV file, and its sampling interval (s).
 
-    A ValueError says why there are none.
+    Raises a ValueError if the file cannot be read or has fewer than two clicks.
     """
     from scipy.io import wavfile
     from scipy.ndimage import uniform_filter1d
@@ -431,14 +431,14 @@ def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that hold no sound
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks without sound
             rate, samples = wavfile.read(io.BytesIO(content))
-    except Exception as error:  # damaged files: its errors have no common base
+    except Exception as error:  # damaged files raise errors without a common base class
         raise ValueError(f"{source}: is not a WAV file that can be read: {error}") from error
     if not (samples.size and rate > 0):
         raise ValueError(f"{source}: is a WAV file without a sound")
     sound = np.asarray(samples, np.float64).reshape(len(samples), -1).mean(axis=1)
-    # differences, because hum and voices are lower than clicks
+    # differences, because hum and voices have lower frequencies than clicks
     width = max(int(WINDOW * rate), 1)
     change = np.abs(np.diff(sound, prepend=sound[:1]))
     loudness = uniform_filter1d(change, width)
@@ -456,10 +456,10 @@ def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
 
 
 # -----------------------------------------------------------------------------
-# Recordings from files as other programs write them: tracks, times of impacts, and sound.
+# Recordings from files of other programs: tracks, times of impacts, and sound.
 
 SKIPPED: Final = ("metadata device", "metadata time")  # sheets of phyphox
-WHOLE: Final = "all"  # its sheet with the list of all events
+WHOLE: Final = "all"  # phyphox's sheet with the list of all events
 
 
 def read_recordings(
@@ -472,7 +472,7 @@ def read_recordings(
     particle: str | None = None,
     sheet: str | None = None,
 ) -> list[Recording]:
-    r"""Read tracks or times of impacts from files, whose content shows their format.
+    r"""Read tracks or times of impacts from files; the format is detected.
 
     Parameters
     ----------
@@ -480,15 +480,15 @@ def read_recordings(
         A file or several: text with columns, workbooks (xls, xlsx, ods), exports of Tracker,
         trackpy, TrackMate, MTrack2 and phyphox, and sound (WAV).
     scale
-        m per unit of the file, such as m per pixel; by default the unit in the heading.
+        Length in m of a unit of the file, such as a pixel; by default the unit in the heading.
     frame_rate
-        Frames per second, Hz; needed for speeds where a file holds frames.  Times of other files
-        are rescaled to it: a slow-motion video is often exported with its playing rate.
+        Frames per second, Hz; needed for speeds if a file holds frame numbers.  Times of other
+        files are rescaled to it: a slow-motion video is often exported with its playback rate.
     axis
-        ``"up"`` or ``"down"``, the direction in which heights grow in the file; by default up, but
-        down where a file holds frames or pixels.
+        ``"up"`` or ``"down"``, the direction in which heights increase in the file; by default up,
+        but down if a file holds frame numbers or pixels.
     column
-        Name of the column of heights, or of times of impacts, where several are possible.
+        Name of the column of heights or of times of impacts, if several are possible.
     particle
         Name of the only particle to read.
     sheet
@@ -502,7 +502,7 @@ def read_recordings(
     Raises
     ------
     TrackError
-        A file cannot be read, holds no recording, or can be read in several ways.
+        A file cannot be read, holds no recording, or is ambiguous.
 
     Examples
     --------
@@ -563,7 +563,7 @@ def _tabled(content: bytes, source: str, how: Reading) -> list[Recording]:
 
 
 def recordings_of(table: Cells, how: Reading) -> Iterator[Recording]:
-    """Yield the recordings of a table; none if it is another kind of table."""
+    """Yield the recordings of a table; none for other kinds of tables."""
     headings = chosen_headings(table, how)
     series = series_of_columns(table, headings)
     owners = [
@@ -586,7 +586,7 @@ def recordings_of(table: Cells, how: Reading) -> Iterator[Recording]:
 
 @dataclass(frozen=True)
 class _Clock:
-    """Times of the rows of a table, in s, or in frames if the rate is not known."""
+    """Times of the rows of a table, in s, or in frames if the frame rate is not known."""
 
     time: Array
     known: bool
@@ -634,7 +634,7 @@ def _recording(
     how: Reading,
     label: str,
 ) -> Iterator[Recording]:
-    """Yield the recording of some rows; several where times begin anew after an empty line."""
+    """Yield the recording of some rows; several if times restart after an empty line."""
     name = f"{table.source}, {label}" if label else table.source
     time = clock.time[rows]
     about: dict[str, Any] = {
@@ -645,7 +645,7 @@ def _recording(
     if one.height is None:
         seen = np.isfinite(time)
         time, rows = time[seen], rows[seen]
-        time = _ended(table, headings, one.time, time, rows)
+        time = _with_last_impact(table, headings, one.time, time, rows)
         falls = np.flatnonzero(np.diff(time) <= 0.0) + 1
         for k in falls[falls < rows.size]:
             if not any(rows[k - 1] < b <= rows[k] for b in table.breaks):
@@ -665,17 +665,17 @@ def _recording(
         return
     head = headings[one.height]
     height = table.numbers(one.height)[rows]
-    beside = None if one.horizontal is None else table.numbers(one.horizontal)[rows]
+    horizontal = None if one.horizontal is None else table.numbers(one.horizontal)[rows]
     unseen = np.flatnonzero(np.isnan(time) & np.isfinite(height))
     if unseen.size:
         line = table.lines[rows[unseen[0]]]
         raise TrackError(f"{table.source}: line {line} has no time; give that of every position")
-    kept = np.flatnonzero(np.isfinite(time))
-    kept = kept[np.argsort(time[kept], kind="stable")] if _numbered(headings) else kept
-    track = Track(time[kept], height[kept], None if beside is None else beside[kept])
+    valid = np.flatnonzero(np.isfinite(time))
+    valid = valid[np.argsort(time[valid], kind="stable")] if _numbered(headings) else valid
+    track = Track(time[valid], height[valid], None if horizontal is None else horizontal[valid])
     falls = np.flatnonzero(np.diff(track.time) <= 0.0)
     if falls.size:
-        line = table.lines[rows[kept[falls[0] + 1]]]
+        line = table.lines[rows[valid[falls[0] + 1]]]
         raise TrackError(
             f"{table.source}: line {line}: the time {track.time[falls[0] + 1]:.6g} s is not after "
             f"the one before; sort the rows by time, or name the particle in a column"
@@ -683,13 +683,13 @@ def _recording(
     if track.time.size < 2:
         return
     image = head.unit.lower() in PIXELS or _numbered(headings)
-    yield made(track, head, how, image, name, table.sheet, label, about)
+    yield convert(track, head, how, image, name, table.sheet, label, about)
 
 
-def _ended(
+def _with_last_impact(
     table: Cells, headings: list[Heading], place: int, time: Array, rows: NDArray[np.intp]
 ) -> Array:
-    """Add the impact that ends the last interval, where intervals stand beside the times."""
+    """Add the impact at the end of the last interval, if a column of intervals follows."""
     if place + 1 == len(headings) or headings[place + 1].role != "interval" or time.size < 2:
         return time
     interval = table.numbers(place + 1)[rows]
@@ -702,12 +702,12 @@ def _ended(
 
 
 def _numbered(headings: list[Heading]) -> bool:
-    """Tell whether a table numbers its frames, as programs do that read images."""
+    """Return whether a table has frame numbers, as written by image-tracking programs."""
     return any(h.role == "frame" for h in headings)
 
 
 def _groups(labels: Iterable[str]) -> list[str]:
-    """Name the recordings alike that differ only in a number, the last that does so."""
+    """Give a common group name to recordings that differ only in a number, the last such number."""
     names = list(labels)
     stems = [
         [name[: m.start()] + "*" + name[m.end() :] for m in re.finditer(r"\d+", name)][::-1]
@@ -737,21 +737,21 @@ def read_tracks(
     particle: str | None = None,
     sheet: str | None = None,
 ) -> xr.Dataset:
-    """Read the tracks of one recording; the first lines of a file show its format.
+    """Read the tracks of one recording; the format is detected.
 
     Parameters
     ----------
     paths
-        A file, or several that hold different particles of the same recording.
+        A file, or several with different particles of the same recording.
     frame_rate
         Frames per second, Hz; required for the table of trackpy.  The times of other files are
-        rescaled to this rate: a slow-motion video is often exported with its playing rate.
+        rescaled to this rate: a slow-motion video is often exported with its playback rate.
     scale
-        m per unit of the file, such as m per pixel; by default 1, required for the table of
+        Length in m of a unit of the file, such as a pixel; by default 1, required for the table of
         trackpy.
     axis
-        ``"up"`` or ``"down"``, the direction in which heights grow in the file; by default up, but
-        down for the pixel rows of trackpy.
+        ``"up"`` or ``"down"``, the direction in which heights increase in the file; by default up,
+        but down for the pixel rows of trackpy.
     base
         Height of the base in units of the file, the zero of heights; by default 0.
     base_track
@@ -763,8 +763,8 @@ def read_tracks(
     Returns
     -------
     xarray.Dataset
-        As `make_tracks` returns it.  Where the clock of the file counts from 1970 or from midnight,
-        times are counted from the attribute ``origin`` (s).
+        As `make_tracks` returns it.  If the clock of the file starts in 1970 or at midnight, times
+        are relative to the attribute ``origin`` (s).
 
     Raises
     ------
@@ -860,7 +860,7 @@ def tracks_from_frame(
 
 
 def _joined(found: list[Recording], source: str, frame_rate: float | None) -> xr.Dataset:
-    """Put the tracks of one recording side by side."""
+    """Combine the tracks of one recording in a dataset."""
     heights: list[Array] = []
     for one in found:
         if one.height is None:
@@ -883,7 +883,7 @@ def _joined(found: list[Recording], source: str, frame_rate: float | None) -> xr
     )
     time = np.concatenate([one.time for one in found])
     origin = origin_of(np.unique(time))
-    if origin:  # so far from its zero a double rounds by 0.2 us
+    if origin:  # there the spacing of doubles is 0.2 us
         stamps, index = np.unique(time, return_inverse=True)
         time = even_times(stamps - origin, 4.0 * float(np.spacing(abs(origin))))[0][index]
     tracks = table_to_tracks(time, owner, np.concatenate(heights), source)

@@ -1,9 +1,9 @@
-"""A ball over a shaken base from the times of its impacts alone.
+"""Restitution and motion of a shaken base from times of impacts alone.
 
 With the base at the height h = (C sin wt - S cos wt) / w, w = 2 pi f, three successive impacts give
-the restitution of the middle one: the flights around it begin and end on the base, which fixes the
-speeds.  That all bounces have one restitution, but for scatter, determines S, C and f.  It is the
-problem of a ball on a floor with three more inputs of which nothing is known.
+the restitution of the middle one: the flights before and after it begin and end on the base, which
+determines the speeds.  S, C and f are determined by the condition that all bounces have the same
+restitution, up to scatter.  This is the problem of a ball on a floor with three unknown inputs.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from vibrosweep.lab.drops import (
     Rows,
     component_variables,
     fit_components,
-    odd_row,
+    largest_outlier,
     stack,
     weighted_residuals,
-    without,
+    without_row,
 )
 from vibrosweep.lab.recordings import Recording
 from vibrosweep.lab.variables import require_parameter, require_range_of_frequencies
@@ -40,33 +40,33 @@ __all__ = ["times_on_shaker"]
 
 TWO_PI: Final = 2.0 * np.pi
 FEWEST: Final = 10  # bounces
-BLOCK: Final = 24  # bounces whose errors are taken as correlated
-SCAN_SECONDS: Final = 10.0  # with which the frequency is scanned
+BLOCK: Final = 24  # bounces in a block of correlated errors
+SCAN_SECONDS: Final = 10.0  # of a recording, used in the scan of the frequency
 SCAN_BOUNCES: Final = 200
-TRIED: Final = np.linspace(0.05, 0.95, 10)  # restitutions that the scan tries
-STARTS: Final = 24  # of the scan that are refined
+TRIED: Final = np.linspace(0.05, 0.95, 10)  # restitutions in the scan
+STARTS: Final = 24  # number of starting values from the scan that are refined
 ROUNDS: Final = 6
-ODD: Final = 4.5  # standard deviations of a bounce that is left out
-FAR_OFF: Final = 15.0  # in units of the typical distance, of a bounce that is left out at first
-MOST_ODD: Final = 0.2  # share of bounces that may be
-BELOW: Final = 0.05  # share of flights that may meet the base between their impacts
-EQUAL: Final = 8.0  # log likelihood by which another motion must be worse
-APART: Final = (0.03, 0.002)  # e and relative frequency of another motion
-CHANCE: Final = 12**-0.5  # spread of bounces: that of restitutions drawn evenly from 0 to 1
-WORST: Final = (0.1, 0.25)  # error of e, and relative error of the acceleration
+OUTLIER: Final = 4.5  # standard deviations from which a bounce is an outlier
+GROSS_OUTLIER: Final = 15.0  # times the median distance, from which a bounce is excluded at first
+MOST_OUTLIERS: Final = 0.2  # largest share of outliers
+BELOW: Final = 0.05  # largest share of flights that may cross the base between impacts
+EQUAL: Final = 8.0  # difference of log-likelihood that rules out another motion
+APART: Final = (0.03, 0.002)  # differences of e and of relative frequency that make another motion
+CHANCE: Final = 12**-0.5  # scatter of e uniformly distributed from 0 to 1, as for random times
+WORST: Final = (0.1, 0.25)  # largest error of e, and relative error of the acceleration
 
 
 class _Base(NamedTuple):
-    """Height and velocity of a base at instants, and their derivatives by S, C and f."""
+    """Height and velocity of the base at given times, and their derivatives by S, C and f."""
 
     height: Array
     velocity: Array
     acceleration: Array
-    by_motion: tuple[tuple[Array, Array], ...]  # of height and velocity
+    by_motion: tuple[tuple[Array, Array], ...]  # derivatives of height and velocity
 
 
 def _base(t: Array, motion: Array) -> _Base:
-    """Return the base with the motion S, C and f."""
+    """Return the base for the motion S, C and f."""
     s, c, f = motion
     w = TWO_PI * f
     sine, cosine = np.sin(w * t), np.cos(w * t)
@@ -80,15 +80,15 @@ def _base(t: Array, motion: Array) -> _Base:
 
 
 class Triples(NamedTuple):
-    """Impacts with one before and one after."""
+    """Triples of successive impacts."""
 
-    time: Array  # (click,) from the middle of the recording
-    middle: Array  # (bounce,) number of the click
+    time: Array  # (click,) s, relative to the middle of the recording
+    middle: Array  # (bounce,) index of the middle click
     gravity: float
     contact: float
 
     def bounces(self, time: Array, motion: Array) -> tuple[Array, Array, Array]:
-        """Return restitution and speed of each bounce, and the velocity after it.
+        """Return restitution and impact speed of each bounce, and the velocity after it.
 
         The motion is S, C and f.
         """
@@ -102,12 +102,12 @@ class Triples(NamedTuple):
         return after / speed, speed, leaves[i]
 
     def derivatives(self, time: Array, motion: Array) -> tuple[Array, Array]:
-        """Return those of restitutions by the clicks before, at and after, and by S, C and f."""
+        """Return derivatives of the restitutions by the three clicks, and by S, C and f."""
         e, speed, _ = self.bounces(time, motion)
         i, up = self.middle, time[:-1] + self.contact
         length, lift, land = time[1:] - up, _base(up, motion), _base(time[1:], motion)
         rise, half = (land.height - lift.height) / length, 0.5 * self.gravity
-        # of the mean velocity of a flight by its begin and its end
+        # of the mean velocity of a flight by its beginning and its end
         begin, end = (rise - lift.velocity) / length, (land.velocity - rise) / length
         arrival, departure = land.acceleration[i - 1], lift.acceleration[i]
         of_speed = (-(begin + half)[i - 1], arrival - (end - half)[i - 1], 0.0)
@@ -122,7 +122,7 @@ class Triples(NamedTuple):
         return np.stack(by_clicks, axis=1), np.stack(by_motion, axis=1)
 
     def share_below(self, motion: Array) -> float:
-        """Return the share of flights that the base would end before their impact."""
+        """Return the share of flights that cross the base before their impact."""
         i, t = self.middle, self.time
         leaves = self.bounces(t, motion)[2]
         share = np.linspace(0.02, 0.98, 49)[:, None]
@@ -136,7 +136,7 @@ class Triples(NamedTuple):
 
 
 def _scan(triples: Triples, frequencies: Array) -> list[Array]:
-    """Return starts (e, S, C, f): at a frequency and a restitution, S and C are linear."""
+    """Return starting values (e, S, C, f); S and C are linear at given e and f."""
     t, i, g = triples.time, triples.middle, triples.gravity
     early = i[(t[i] - t[0] <= SCAN_SECONDS)][:SCAN_BOUNCES]
     early = early if early.size >= FEWEST else i[:FEWEST]
@@ -158,8 +158,8 @@ def _scan(triples: Triples, frequencies: Array) -> list[Array]:
             top = np.einsum("fni,n->fi", design, right)
             motion = np.linalg.solve(normal, top[..., None])[..., 0]
             off = np.abs(right - np.einsum("fni,fi->fn", design, motion))
-            # a missed or false click spoils three equations, the median is that of the others;
-            # an error of a click grows with the acceleration of the base
+            # a quantile, because a missed or false click affects three equations; the effect of a
+            # timing error grows with the acceleration of the base
             size = g + w[:, 0] * np.hypot(*motion.T)
             misfit = np.quantile(off, 0.6, axis=1) / ((1.0 + e) * size)
             found += [(m, e, *sc, f) for m, sc, f in zip(misfit, motion, part, strict=True)]
@@ -176,7 +176,7 @@ def _scan(triples: Triples, frequencies: Array) -> list[Array]:
 
 
 class _Start(NamedTuple):
-    """A robust fit: its misfit, e, S, C and f, and the change of a click that each bounce asks."""
+    """A robust fit: its misfit, e, S, C and f, and the timing residual of each bounce."""
 
     misfit: float
     values: Array
@@ -198,7 +198,7 @@ def _refined(triples: Triples, start: Array, known: float | None) -> _Start:
         return left / size
 
     def slopes(p: Array) -> Array:
-        # the change of the weights is left out
+        # the derivative of the weights is neglected
         left, by_motion, size = of(p)
         return (np.column_stack([-np.ones(left.size), by_motion]) / size[:, None])[:, free]
 
@@ -213,7 +213,7 @@ def _refined(triples: Triples, start: Array, known: float | None) -> _Start:
     bad = not -0.05 < values[0] < 1.05 or motion[2] <= 0.0 or np.mean(speed <= 0.0) > BELOW
     if bad or triples.share_below(motion) > BELOW:
         return _Start(np.inf, values, left)
-    # likelihood of a Cauchy distribution, in which an odd bounce costs little
+    # Cauchy likelihood, which is robust against outliers
     typical = max(float(np.median(left)), 1e-3)
     return _Start(float(np.log(typical + left**2 / typical).mean()), values, left)
 
@@ -222,20 +222,20 @@ class _Adjusted(NamedTuple):
     fit: Fit
     values: Array  # e, S, C, f
     covariance: Array
-    used: Flags  # whether a bounce is used
+    used: Flags  # False for outliers
     slopes: Array
     rows: Rows
 
 
 def _adjusted(triples: Triples, start: _Start, known: float | None, rounding: float) -> _Adjusted:
-    """Fit with scatter and errors of clicks as components, about clicks as the fit adjusts them."""
+    """Fit with scatter and timing as variance components, linearized about adjusted clicks."""
     motion, time = start.values[1:].copy(), triples.time.copy()
     n, i = triples.middle.size, triples.middle
     prior = np.array([0.0, 0.0, 0.0, 0.0 if known is None else 1e12])
-    # bounces beside missed or false clicks are far off from the start
-    far_off = np.argsort(-start.off)[: int(MOST_ODD * n)]
-    far_off = far_off[start.off[far_off] > FAR_OFF * max(float(np.median(start.off)), 1e-3)]
-    odd = [(int(k) // BLOCK, int(k) % BLOCK) for k in far_off]
+    # bounces next to missed or false clicks deviate strongly from the start
+    gross = np.argsort(-start.off)[: int(MOST_OUTLIERS * n)]
+    gross = gross[start.off[gross] > GROSS_OUTLIER * max(float(np.median(start.off)), 1e-3)]
+    outliers = [(int(k) // BLOCK, int(k) % BLOCK) for k in gross]
     parts = [np.arange(a, min(a + BLOCK, n)) for a in range(0, n, BLOCK)]
     for turn in range(ROUNDS):
         e, _, _ = triples.bounces(time, motion)
@@ -255,8 +255,8 @@ def _adjusted(triples: Triples, start: _Start, known: float | None, rounding: fl
             blocks.append((value[part], design, fixed, timing, np.ones(part.size)))
             matrices.append((clicks, matrix))
         rows = stack(blocks)
-        for block, row in odd:
-            rows = without(rows, block, row)
+        for block, row in outliers:
+            rows = without_row(rows, block, row)
         last = turn == ROUNDS - 1
         fit = fit_components(rows, prior, (True, True, False), ZOOMS if last else ROUGH)
         mean, covariance = fit.moments()
@@ -270,14 +270,14 @@ def _adjusted(triples: Triples, start: _Start, known: float | None, rounding: fl
         limit = 0.2 * max(float(np.hypot(*motion[:2])), 1e-3)
         step = mean[1:] * min(1.0, limit / max(float(np.abs(mean[1:3]).max()), 1e-300))
         motion = motion + step
-        while turn > 0 and len(odd) + 1 <= MOST_ODD * n:
-            far, block, row = odd_row(rows, fit)
-            if far < ODD:
+        while turn > 0 and len(outliers) + 1 <= MOST_OUTLIERS * n:
+            far, block, row = largest_outlier(rows, fit)
+            if far < OUTLIER:
                 break
-            odd.append((block, row))
-            rows = without(rows, block, row)
+            outliers.append((block, row))
+            rows = without_row(rows, block, row)
     used = np.ones(n, bool)
-    used[[block * BLOCK + row for block, row in odd]] = False
+    used[[block * BLOCK + row for block, row in outliers]] = False
     return _Adjusted(fit, np.append(mean[0], motion + mean[1:]), covariance, used, slopes, rows)
 
 
@@ -294,15 +294,15 @@ def times_on_shaker(
     Parameters
     ----------
     recordings
-        Times of the impacts of balls on one base that moves as a sine, on one clock.
+        Times of impacts of balls on one sinusoidally moving base, on the same clock.
     frequency
-        Of the base in Hz, sought by default.
+        Frequency of the base in Hz; by default it is estimated.
     frequency_range
-        Interval in which it is sought, Hz.
+        Interval to search for the frequency, Hz.
     contact
-        Length of a contact in s, by default 0; what 1 ms would change is stated.
+        Contact time in s, by default 0; the effect of 1 ms is reported.
     gravity
-        In m s-2.
+        Gravity in m s-2.
 
     Returns
     -------
@@ -312,14 +312,14 @@ def times_on_shaker(
           (1 + e) times the peak velocity of the base) and ``phase`` (rad, at t = 0 on the clock of
           the recordings), each with ``_error``;
         - ``correlation`` of restitution and acceleration;
-        - ``contact_effect``: what contacts that last 1 ms longer would change;
-        - ``determined``: 0 if the orbit leaves them open, as a locked one does; the attribute
-          ``warning`` says what it does fix.
+        - ``contact_effect``: changes due to a contact time longer by 1 ms;
+        - ``determined``: 0 if the orbit, such as a locked one, does not determine them; the
+          attribute ``warning`` states the relation that it does determine.
 
     Raises
     ------
     TrackError
-        There are too few impacts, or no motion of the base describes them.
+        There are too few impacts, or no motion of the base fits them.
     ParameterError
         A number is outside its range.
 
@@ -330,8 +330,8 @@ def times_on_shaker(
     >>> shaken = dict(frequency=20.0, amplitude=0.35, restitution=0.8, base="moving")
     >>> ds = vs.simulate(**shaken, launch_velocity=0.6, duration=6.0)
     >>> times = ds.landing_time.values.ravel()
-    >>> heard = vs.lab.Recording("clicks", "", times[2:40], None, None, True, True, 0.0, None)
-    >>> found = vs.lab.times_on_shaker([heard])
+    >>> recording = vs.lab.Recording("clicks", "", times[2:40], None, None, True, True, 0.0, None)
+    >>> found = vs.lab.times_on_shaker([recording])
     >>> round(float(found.frequency), 2), round(float(found.restitution), 3)
     (20.0, 0.8)
     """
@@ -345,7 +345,7 @@ def times_on_shaker(
     span = min(float(np.ptp(triples.time)), SCAN_SECONDS)
     number = int((high - low) * 4.0 * span) + 2
     rates = np.linspace(low, high, number) if frequency is None else np.array([float(frequency)])
-    locked = _locked(triples, name)
+    locked = _warning_if_locked(triples, name)
     tried = [_refined(triples, start, frequency) for start in _scan(triples, rates)]
     start = min(tried, key=lambda one: one.misfit)
     nothing = TrackError(
@@ -374,13 +374,13 @@ def times_on_shaker(
 
 
 def _spread(found: _Adjusted) -> Array:
-    """Return the standard deviation of each restitution, by scatter and clicks."""
+    """Return the standard deviation of each restitution, from scatter and timing."""
     timing, scatter, _ = found.fit.components
     return np.asarray(np.sqrt(scatter**2 + timing**2 * (found.slopes**2).sum(axis=1)))
 
 
 def _ambiguous(name: str, tried: list[_Start], best: _Start) -> str:
-    """Say that another motion describes the times nearly as well; empty if none does."""
+    """Return a warning if another motion fits the times nearly as well; else an empty string."""
     for other in sorted(tried, key=lambda one: one.misfit):
         worse = (other.misfit - best.misfit) * best.off.size
         e, rate = np.abs(other.values - best.values)[[0, 3]]
@@ -388,20 +388,20 @@ def _ambiguous(name: str, tried: list[_Start], best: _Start) -> str:
             shown = " and ".join(
                 f"e = {v[0]:.3f} at {v[3]:.4g} Hz" for v in (best.values, other.values)
             )
-            return f"{name}: {shown} describe the times alike; record for longer, or the approach"
+            return f"{name}: {shown} fit the times equally; record for longer, or the transient"
     return ""
 
 
 def _triples(
     recordings: Sequence[Recording], gravity: float, contact: float
 ) -> tuple[Triples, str, float]:
-    """Return the impacts of all recordings, their name, and the middle of their times."""
+    """Return the impacts of all recordings, their name, and the middle of the time interval."""
     if not recordings:
         raise TrackError("no recordings were given")
     lists = [impacts_in(recording) for recording in recordings]
     name = recordings[0].name
     if any(r.height is not None for r in recordings):
-        raise TrackError(f"{name}: holds tracks, where times of impacts are wanted")
+        raise TrackError(f"{name}: holds tracks instead of times of impacts")
     every = np.concatenate(lists)
     if sum(max(times.size - 2, 0) for times in lists) < FEWEST:
         raise TrackError(
@@ -414,8 +414,8 @@ def _triples(
     return Triples(every - middle, np.concatenate(inner), gravity, contact), name, middle
 
 
-def _locked(triples: Triples, name: str) -> str:
-    """Say what an orbit of equal flights fixes; empty for another orbit."""
+def _warning_if_locked(triples: Triples, name: str) -> str:
+    """Return a warning for an orbit of equal flights; an empty string for others."""
     t, i = triples.time, triples.middle
     length = t[i + 1] - t[i]
     if np.std(length) > 0.02 * float(length.mean()):
@@ -489,13 +489,13 @@ def _result(
             "frequency_known": int(known is not None),
             "contact_known": int(not bare),
             "warning": locked or relation,
-            "remarks": _remark(found.used),
+            "remarks": _remark_on_outliers(found.used),
         },
     )
 
 
 def _relation(name: str, e: float, gamma: float, both: Array) -> str:
-    """Say which relation the times fix, from the covariance of e and Gamma, shape (2, 2)."""
+    """State the relation that the times determine, from the covariance of e and Gamma, (2, 2)."""
     slope = both[0, 1] / both[1, 1]
     left = np.sqrt(max(both[0, 0] - slope * both[0, 1], 0.0))
     return (
@@ -504,15 +504,15 @@ def _relation(name: str, e: float, gamma: float, both: Array) -> str:
     )
 
 
-def _remark(used: Flags) -> str:
+def _remark_on_outliers(used: Flags) -> str:
     if used.all():
         return ""
-    odd = np.count_nonzero(~used)
-    return f"{odd} bounces are outliers and left out: clicks that are missed or false"
+    outliers = np.count_nonzero(~used)
+    return f"{outliers} bounces are outliers and left out: missed or false clicks"
 
 
 def _contact_effect(triples: Triples, found: _Adjusted, gamma: Array) -> Array:
-    """Return the changes of e and of the acceleration by contacts that last 1 ms longer."""
+    """Return the changes of e and of the acceleration due to contacts longer by 1 ms."""
     longer = triples._replace(contact=triples.contact + 1e-3)
     motion = found.values[1:]
     change = longer.bounces(longer.time, motion)[0] - triples.bounces(triples.time, motion)[0]

@@ -26,23 +26,22 @@ __all__ = ["QUANTITIES", "make_trace", "read_trace"]
 # Measured motion of the base, from its track or an accelerometer, fitted with harmonics.
 #
 # The fit consists of a constant and harmonics 1 to H of one frequency.  H, from 1 (a sine) to 16,
-# and the frequency, among simple fractions of that of the strongest harmonic, minimise Schwarz's
+# and the frequency, a simple fraction of that of the strongest harmonic, minimise Schwarz's
 # criterion
 #
 #     n ln s^2 + (2 H + 2) ln n
 #
 # for n values, where s^2 is the variance of the residuals, or that of rounding to the resolution
-# of the trace if this is larger, because rounding that repeats with the motion looks like
-# harmonics.
+# of the trace if this is larger, because periodic rounding errors look like harmonics.
 
 QUANTITIES: Final = ("height", "acceleration")
 FEWEST: Final = 20  # values of a trace
-# Largest share of the variance that harmonics may leave unexplained
+# Largest fraction of the variance that harmonics may leave unexplained
 UNEXPLAINED: Final = 0.1
 FEWEST_PERIODS: Final = 2.0  # of a motion that is not a sine
-CLOSE: Final = 1e-15  # relative change of the values or of the sum of squares that ends a fit
-SAME: Final = 1e-9  # difference of two values, relative to their range, that rounding may make
-LEAST: Final = 1e-30  # least change of a height (m) or acceleration (m s-2) that counts
+CLOSE: Final = 1e-15  # relative change of the values or of the sum of squares at convergence
+SAME: Final = 1e-9  # difference of two values, relative to their range, possible from rounding
+LEAST: Final = 1e-30  # smallest significant change of a height (m) or acceleration (m s-2)
 
 
 def read_trace(path: str | os.PathLike[str], *, column: str | None = None) -> Trace:
@@ -55,7 +54,7 @@ def read_trace(path: str | os.PathLike[str], *, column: str | None = None) -> Tr
         of heights or of accelerations.  Units in the headings are used, such as ``height (mm)``
         or ``az (g)``; without them they are s, m and m s-2.
     column
-        Name of the column of heights or accelerations, where several are possible.
+        Name of the column of heights or accelerations, if several are possible.
 
     Returns
     -------
@@ -63,13 +62,13 @@ def read_trace(path: str | os.PathLike[str], *, column: str | None = None) -> Tr
         The fitted motion, for the argument `trace` of `find_impacts`: ``values`` are S, C (m s-1)
         and f (Hz), then S and C of other harmonics if the motion is not a sine; ``covariance`` is
         that of the values; ``numbers`` are the harmonic numbers h, that of the strongest first.
-        The base has the velocity sum S sin 2 pi h f t + C cos 2 pi h f t, where t is counted from
-        ``origin`` (s), which is 0 unless the clock counts from 1970 or from midnight.
+        The base has the velocity sum S sin 2 pi h f t + C cos 2 pi h f t, where t is relative to
+        ``origin`` (s), which is 0 unless the clock starts in 1970 or at midnight.
 
     Raises
     ------
     TrackError
-        The file cannot be read or has other columns, or the motion does not repeat.
+        The file cannot be read or lacks these columns, or the motion is not periodic.
 
     Examples
     --------
@@ -95,9 +94,9 @@ def make_trace(
 ) -> Trace:
     """Fit harmonics and a constant to the measured height (m) or acceleration (m s-2) of a base.
 
-    Times (s) rise at a nearly steady rate; `quantity` is one of `QUANTITIES`, `source` a name in
-    messages.  Raises a TrackError if there are too few values, if times do not rise, or if no
-    harmonics describe the values.
+    Times (s) increase at a nearly constant rate; `quantity` is one of `QUANTITIES`, `source` a name
+    in messages.  Raises a TrackError if there are too few values, if times do not increase, or if
+    no harmonics fit the values.
     """
     when, measured = (np.asarray(v, dtype=np.float64) for v in (time, values))
     require_one_of("quantity", quantity, QUANTITIES, TrackError)
@@ -110,40 +109,41 @@ def make_trace(
     check_size(quantity, measured, source)
     if not np.ptp(measured) > LEAST:
         raise TrackError(
-            f"{source}: the {quantity} does not change: leave the trace out, and say that the base "
-            f"stays at its level"
+            f"{source}: the {quantity} does not change: leave the trace out, and choose a base at "
+            f"a constant level"
         )
     strongest = strongest_rate(when, measured - measured.mean())
     origin = origin_of(when)
     when = when - origin
-    middle = float(when.mean())  # makes the errors of phase and frequency almost independent
+    middle = float(when.mean())  # makes the errors of phase and frequency almost uncorrelated
     rate, harmonics = _choose_harmonics(when - middle, measured, strongest, sampled)
     fit = _fit(when - middle, measured, rate, harmonics)
-    if fit.values[-1] * np.ptp(when) < 1.0:  # part of a period may as well be a drift
+    if fit.values[-1] * np.ptp(when) < 1.0:  # less than a period may be a drift
         raise TrackError(
-            f"{source}: the {quantity} goes through no whole period of a sine: check the columns, "
+            f"{source}: the {quantity} contains no whole period of a sine: check the columns, "
             f"take a longer trace, or leave it out and let the landings determine the motion"
         )
     if not fit.variance < UNEXPLAINED * measured.var():
         raise TrackError(
             f"{source}: {'a sine leaves' if harmonics == 1 else f'{harmonics} harmonics leave'} "
             f"{100.0 * fit.variance / measured.var():.0f} % of the variance of the {quantity}; at "
-            f"most {100.0 * UNEXPLAINED:.0f} % is taken for noise. Only a base whose motion "
-            f"repeats can be used: check the columns, or leave the trace out and let the "
+            f"most {100.0 * UNEXPLAINED:.0f} % is taken for noise. Only a periodic "
+            f"motion can be used: check the columns, or leave the trace out and let the "
             f"landings determine the motion"
         )
     return _velocities(fit, middle, quantity)._replace(origin=origin)
 
 
 def trace_of_mark(tracks: xr.Dataset, exposure: float) -> Trace:
-    """Fit harmonics to the ``base_height`` of tracks, and undo the average over an exposure (s).
+    """Fit harmonics to the ``base_height`` of tracks, corrected for the exposure time (s).
 
     Raises the errors of `make_trace`.
     """
     height = tracks["base_height"].values
     seen, source = np.isfinite(height), f"{tracks.attrs['source']}, the mark on the base"
     mean = make_trace(tracks["time"].values[seen], height[seen], "height", source)
-    share = np.sinc(np.repeat(mean.numbers, 2) * mean.values[2] * exposure)  # left by the average
+    # attenuation by averaging over the exposure
+    share = np.sinc(np.repeat(mean.numbers, 2) * mean.values[2] * exposure)
     share = np.insert(share, 2, 1.0)
     return mean._replace(
         values=mean.values / share, covariance=mean.covariance / np.outer(share, share)
@@ -153,19 +153,20 @@ def trace_of_mark(tracks: xr.Dataset, exposure: float) -> Trace:
 class _Fit(NamedTuple):
     """Harmonics fitted to a trace."""
 
-    # values, covariance: the constant, factors of cosine and sine of each harmonic, frequency (Hz)
+    # values, covariance: the constant, coefficients of cosine and sine of each harmonic, and the
+    # frequency (Hz)
     values: Array
     covariance: Array
     variance: float  # variance of the residuals
 
 
 def _design(since: Array, rate: float, harmonics: int) -> Array:
-    """Columns of a linear fit: a constant, and the waves of each harmonic of `rate` (Hz)."""
+    """Columns of a linear fit: a constant, cosine and sine of each harmonic of `rate` (Hz)."""
     return np.column_stack([np.ones_like(since), waves(since, rate, harmonics)])
 
 
 def _fit(since: Array, measured: Array, rate: float, harmonics: int) -> _Fit:
-    """Fit harmonics of a frequency near `rate` (Hz)."""
+    """Fit harmonics with a fundamental frequency near `rate` (Hz)."""
     numbers = np.arange(1, harmonics + 1)
 
     def residuals(values: Array) -> Array:
@@ -189,7 +190,7 @@ def _fit(since: Array, measured: Array, rate: float, harmonics: int) -> _Fit:
 def _choose_harmonics(
     since: Array, measured: Array, strongest: float, sampled: float
 ) -> tuple[float, int]:
-    """Choose the frequency near which the motion repeats, and the number of its harmonics.
+    """Choose an approximate fundamental frequency, and the number of harmonics.
 
     `strongest` is the frequency of the strongest harmonic, `sampled` the values per second.
     """
@@ -201,12 +202,12 @@ def _choose_harmonics(
     trials = [(_schwarz(sine.variance, floor, number, 1), strongest, 1)]
     for part in range(1, MOST_HARMONICS + 1):
         rate = strongest / part
-        # fewer coefficients, two per harmonic, than values in a period
+        # fewer coefficients, two per harmonic, than values per period
         most = min(MOST_HARMONICS, int((sampled / rate - 1.0) / 2.0), (number - 3) // 4)
         if most < max(part, 2) or rate * span < FEWEST_PERIODS:
             continue
         rate = float(_fit(since, measured, rate, most).values[-1])
-        # squares of the components along the waves, orthonormalised in this order
+        # squared components along the columns, orthonormalised in this order
         axes = np.linalg.qr(_design(since, rate, most))[0]
         held = np.cumsum((axes.T @ measured) ** 2)
         for harmonics in range(max(part, 2), most + 1):
@@ -218,14 +219,14 @@ def _choose_harmonics(
 
 
 def _schwarz(variance: float, floor: float, number: int, harmonics: int) -> float:
-    """Schwarz's criterion of a fit; the variance of its residuals counts as at least `floor`."""
+    """Schwarz's criterion of a fit; the variance of its residuals is at least `floor`."""
     return float(number * np.log(max(variance, floor)) + (2 * harmonics + 2) * np.log(number))
 
 
 def _velocities(fit: _Fit, middle: float, quantity: str) -> Trace:
     """Convert the harmonics of the quantity to those of the velocity, on the clock of the trace.
 
-    Times of the fit are counted from the `middle` of the trace (s).
+    Times of the fit are relative to the `middle` of the trace (s).
     """
     pairs, rate = fit.values[1:-1].reshape(-1, 2), float(fit.values[-1])
     # y = c cos + s sin has V = w (s cos - c sin); a = c cos + s sin has V = (c sin - s cos) / w
@@ -250,10 +251,10 @@ def _velocities(fit: _Fit, middle: float, quantity: str) -> Trace:
 
 
 # -----------------------------------------------------------------------------
-# Amplitudes and phases of the harmonics of a base, from the factors of their sines and cosines.
+# Amplitudes and phases of the harmonics of a base, from the coefficients of sine and cosine.
 #
-# The harmonic that is strongest in the velocity has the weight 1 and the phase 0: V0 and phi are
-# its amplitude and phase, as they are for a sine alone.
+# The harmonic with the largest velocity has the weight 1 and the phase 0: V0 and phi are its
+# amplitude and phase, as for a pure sine.
 
 STEP: Final = 1e-5  # step of weights and phases in finite differences
 
@@ -261,10 +262,10 @@ STEP: Final = 1e-5  # step of weights and phases in finite differences
 def polar(
     values: Array, covariance: Array, numbers: Sequence[int] = (1,)
 ) -> tuple[Array, Array, Waveform]:
-    """Transform e, S, C, f, ... with their covariance to e, V0, phi, f, ...; add the waveform.
+    """Transform e, S, C, f, ... and covariance to e, V0, phi, f, ...; return the waveform too.
 
     Without other harmonics f may be missing.  S and C of each of the other `numbers` follow f, and
-    become the weight and the phase psi of that harmonic.
+    are transformed to the weight and the phase psi of that harmonic.
     """
     s, c = values[1:3]
     amplitude = float(np.hypot(s, c))

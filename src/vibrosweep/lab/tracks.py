@@ -1,4 +1,4 @@
-"""Tracks as a checked dataset: height against time for each particle, and their faults."""
+"""Tracks as a checked dataset: height against time for each particle, and their defects."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ __all__ = ["FRAME_RATES", "check_size", "make_tracks", "rate_of", "table_to_trac
 # -----------------------------------------------------------------------------
 # Tracks as a checked dataset: height against time for each particle.
 
-# Values per second that a measurement may have, and limit of its times (s), heights (m) and
-# accelerations (m s-2): powers of far larger numbers overflow.
+# Range of sampling rates (Hz), and limit of times (s), heights (m) and accelerations (m s-2):
+# powers of far larger numbers overflow.
 FRAME_RATES: Final = (1e-3, 1e9)
 MOST: Final = 1e12
 
@@ -27,14 +27,14 @@ MOST: Final = 1e12
 def make_tracks(
     time: ArrayLike, height: ArrayLike, particle: ArrayLike | None = None, source: str = "tracks"
 ) -> xr.Dataset:
-    """Make tracks from heights with a row for each frame.
+    """Make tracks from an array of heights with one row per frame.
 
     Parameters
     ----------
     time
-        Middle of the exposure of each frame in s, shape (frame,), rising.
+        Middle of the exposure of each frame in s, shape (frame,), increasing.
     height
-        Heights in m, upwards, shape (frame, particle); NaN where a particle is not seen.
+        Heights in m, upwards, shape (frame, particle); NaN where a particle is not visible.
     particle
         Names or numbers of the particles; 0, 1, ... by default.
     source
@@ -49,8 +49,8 @@ def make_tracks(
     Raises
     ------
     TrackError
-        A particle is never seen, times do not rise, shapes differ, or a number is larger than any
-        camera measures.
+        A particle is never visible, times do not increase, shapes do not match, or a number is
+        unreasonably large.
 
     Examples
     --------
@@ -103,11 +103,11 @@ def make_tracks(
 def table_to_tracks(
     time: ArrayLike, particle: ArrayLike, height: ArrayLike, source: str = "tracks"
 ) -> xr.Dataset:
-    """Make tracks from a table with a row for each position.
+    """Make tracks from a table with one row per position.
 
-    `particle` holds names or numbers.  The times (s) of each particle rise; heights (m, upwards)
-    are NaN where it is not seen.  `source` names the tracks in messages.  Raises a TrackError if
-    times are missing, decrease or appear twice, or if a particle is never seen.
+    `particle` holds names or numbers.  The times (s) of each particle increase; heights (m,
+    upwards) are NaN where it is not visible.  `source` names the tracks in messages.  Raises a
+    TrackError if times are missing, decrease or appear twice, or if a particle is never visible.
     """
     times = np.asarray(time, dtype=np.float64)
     heights = np.asarray(height, dtype=np.float64)
@@ -128,8 +128,8 @@ def table_to_tracks(
         who = f"{source}: particle {names[index[before]]}"
         if times[before] == times[after]:
             raise TrackError(
-                f"{who} has two positions at {times[before]:.6g} s{_more(wrong)}; keep one "
-                f"position a frame, or give particles different names"
+                f"{who} has two positions at {times[before]:.6g} s{_more(wrong)}; leave one "
+                f"position per frame, or give particles different names"
             )
         raise TrackError(
             f"{who} goes back in time, from {times[before]:.6g} s to {times[after]:.6g} s"
@@ -142,7 +142,7 @@ def table_to_tracks(
 
 
 def with_mark(tracks: xr.Dataset, name: str) -> xr.Dataset:
-    """Turn the particle of this name, a mark on the base, into the variable ``base_height`` (m).
+    """Convert the particle `name`, a mark on the base, into the variable ``base_height`` (m).
 
     Raises a TrackError if there is no such particle, or no other.
     """
@@ -160,7 +160,7 @@ def with_mark(tracks: xr.Dataset, name: str) -> xr.Dataset:
 
 
 def rate_of(times: Array, source: str) -> float:
-    """Return the values per second at rising times (s); raise a TrackError for impossible rates."""
+    """Return the sampling rate (Hz) of increasing times (s); raise a TrackError if out of range."""
     check_size("time", times, source)
     (_, rate), (low, high) = even_times(times, 0.0), FRAME_RATES
     if not low <= rate <= high:
@@ -172,7 +172,7 @@ def rate_of(times: Array, source: str) -> float:
 
 
 def check_size(name: str, values: Array, source: str) -> None:
-    """Raise a TrackError for a value that is too large for the computations."""
+    """Raise a TrackError for a value too large for the computation."""
     largest = float(np.nanmax(np.abs(values)))
     if largest > MOST:
         raise TrackError(
@@ -186,16 +186,16 @@ def _more(places: NDArray[np.intp]) -> str:
 
 
 # -----------------------------------------------------------------------------
-# Faults of tracks, particle by particle: lost frames, gaps, exchanged names.
+# Defects of tracks, particle by particle: lost frames, gaps, exchanged names.
 
-# Deviations from the continuation of a flight, in standard deviations of the noise: above the first
-# number the flight is broken, below the second it continues.
+# Deviations from the continuation of a flight, in units of the noise: above the first the flight
+# ends, below the second it continues.
 BROKEN: Final = 6.0
 CONTINUES: Final = 3.0
 
 
 def coverage(tracks: xr.Dataset) -> dict[str, tuple[Any, str, str]]:
-    """Count frames seen, frames lost and gaps of each particle: columns for `with_units`."""
+    """Count visible frames, lost frames and gaps of each particle: columns for `with_units`."""
     height, time = tracks["height"].values, tracks["time"].values
     interval = 1.0 / tracks.attrs["frame_rate"]
     present = np.isfinite(height)
@@ -219,10 +219,10 @@ def find_swaps(
 ) -> list[tuple[int, int, int]]:
     """Find the frames at which two particles exchange their names.
 
-    Returns each frame with the numbers of both particles.  In such a frame neither particle
+    Returns each frame with the indices of both particles.  In such a frame neither particle
     continues its own flight, each continues that of the other, and neither is near the base.  An
-    exchange at nearly the same height and speed cannot be found; it leaves a flight that fits
-    badly.  Times are of shape (frame,), heights of shape (frame, particle); `noise` is the standard
+    exchange at nearly the same height and speed cannot be detected; it leaves a poorly fitted
+    flight.  Times have the shape (frame,), heights (frame, particle); `noise` is the standard
     deviation of a position, m.
     """
     before, after = np.diff(time)[:-1, np.newaxis], np.diff(time)[1:, np.newaxis]
@@ -242,7 +242,7 @@ def find_swaps(
 
 
 def remarks(impacts: xr.Dataset) -> list[str]:
-    """Describe the faults of the scale and of each particle's track, a line each."""
+    """Report the error of the scale and the defects of each particle's track, one per line."""
     interval = 1.0 / impacts.attrs["frame_rate"]
     begin, end = impacts.attrs["begin"], impacts.attrs["end"]
     lines = []
@@ -257,7 +257,7 @@ def remarks(impacts: xr.Dataset) -> list[str]:
         lost, gaps, swaps, poor, first, last = (impacts[n].values[p].item() for n in names)
         faults = {
             f"{lost} of its frames lost": lost > 0,
-            f"{gaps} gaps across which no landing is sought": gaps > 0,
+            f"{gaps} gaps too long for finding a landing": gaps > 0,
             f"comes into view at {first:.3f} s": first > begin + GAP_FRAMES * interval,
             f"leaves the view at {last:.3f} s": last < end - GAP_FRAMES * interval,
             f"exchanges its name with another particle {swaps} times": swaps > 0,

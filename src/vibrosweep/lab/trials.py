@@ -57,25 +57,25 @@ if TYPE_CHECKING:
 __all__ = ["Trial", "perform_trials", "predicted_means", "write_experiments"]
 
 # -----------------------------------------------------------------------------
-# Particles under a forcing whose period fluctuates.
+# Particles under a forcing with a fluctuating period.
 #
 # The lengths of the forcing periods vary independently, so that the phase of the forcing performs
 # a random walk, the same for all particles of a repeat.  Within a period the phase grows
-# uniformly. The phase of a moving base cannot wander, because its flights are computed for a
-# steady oscillation. Impacts are those of `vibrosweep.kernels.impact`; without imperfections the
-# record equals that of the engine in every bit.
+# uniformly.  This is not supported for a moving base, whose flights are computed for a steady
+# oscillation.  Impacts are those of `vibrosweep.kernels.impact`; without imperfections the record
+# is bitwise identical to that of the engine.
 
-# Steps of a fixed-point iteration, each of which multiplies the error by the relative change of a
-# period, far below 1
+# Number of fixed-point iterations; each multiplies the error by the relative change of a period,
+# far below 1
 INVERSIONS: Final = 30
-# Most landings of a particle in a recording: those of ten hours at 20 Hz
+# Largest number of landings of a particle in a recording: ten hours at 20 Hz
 MOST_LANDINGS: Final = 2**20
 
 
 def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
     """Draw the deviations of the phase, in turns, at the beginning of each period.
 
-    The first period begins at -1 mean periods, and the shape is (period + 1,).  `jitter` is the
+    The first period begins at -1 mean periods; the shape is (period + 1,).  `jitter` is the
     standard deviation of the length of a period, relative to its mean.
     """
     return np.concatenate([[0.0], np.cumsum(jitter * rng.standard_normal(periods))])
@@ -83,7 +83,7 @@ def phase_walk(rng: np.random.Generator, jitter: float, periods: int) -> Floats:
 
 @jit
 def _deviation(n: float, x: float, walk: Floats) -> float:
-    """Deviation of the phase in turns at n + x mean periods."""
+    """Deviation of the phase, in turns, at the time n + x mean periods."""
     floor = np.floor(x)
     j = min(max(int(n + floor) + 1, 0), walk.size - 2)
     return float(walk[j] + (x - floor) * (walk[j + 1] - walk[j]))
@@ -91,7 +91,7 @@ def _deviation(n: float, x: float, walk: Floats) -> float:
 
 @jit
 def _phase(n: float, x: float, walk: Floats) -> tuple[float, float]:
-    """Whole turns and reduced phase of the forcing at n + x mean periods."""
+    """Whole turns and reduced phase of the forcing at the time n + x mean periods."""
     turned = x + _deviation(n, x, walk)
     carry = np.rint(turned)
     return n + carry, turned - carry
@@ -99,7 +99,7 @@ def _phase(n: float, x: float, walk: Floats) -> tuple[float, float]:
 
 @jit
 def _instant(n: float, x: float, walk: Floats) -> tuple[float, float]:
-    """Instant at which the forcing has the phase n + x, as whole and remaining mean periods."""
+    """Time at which the forcing has the phase n + x, as whole and remaining mean periods."""
     count, rest = n, x
     for _ in range(INVERSIONS):
         back = x - _deviation(count, rest, walk)
@@ -141,11 +141,11 @@ def _fill(batch: Batch, walk: Floats, frequency: float, unit: float, out: Record
 
 
 def wandering_record(batch: Batch, walk: Floats, frequency: float, gravity: float) -> Record:
-    """Record every landing of particles with parameters of their own, under a wandering forcing.
+    """Record all landings of particles with individual parameters under phase noise.
 
-    The problem of the batch holds arrays of shape (particle,), its launches have the shape (1,
-    particle), and arrays of the record the shape (particle, impact).  Beyond the ends of the
-    `walk`, a `phase_walk`, the phase continues as in its first or last period.  Raises a
+    Arrays of the batch's problem have the shape (particle,), its launches (1, particle), arrays of
+    the record (particle, impact).  Beyond the ends of the `walk`, a result of `phase_walk`, the
+    phase continues as in its first or last period.  Raises a
     ParameterError if a particle lands more than `MOST_LANDINGS` times.
     """
     capacity = 1024
@@ -164,7 +164,7 @@ def wandering_record(batch: Batch, walk: Floats, frequency: float, gravity: floa
 # -----------------------------------------------------------------------------
 # Recordings of virtual experiments, their files, and the means predicted for them.
 #
-# Their landings are known, so that the rest of the laboratory can be tested with them.
+# Their true landings are known, and serve to test the rest of the laboratory.
 
 
 class Trial(NamedTuple):
@@ -173,13 +173,13 @@ class Trial(NamedTuple):
     Attributes
     ----------
     tracks
-        Tracks as the camera and its tracking measure them.
+        Measured tracks.
     record
         The true landings, arrays of shape (particle, impact).
     restitution, level
         Restitution of each particle, and height in m of the base below it.
     frequency, amplitude
-        Values in this repeat, Hz and m s-1.
+        Values for this repeat, Hz and m s-1.
     """
 
     tracks: xr.Dataset
@@ -191,12 +191,12 @@ class Trial(NamedTuple):
 
 
 def perform_trials(experiment: Experiment) -> list[Trial]:
-    """Film every repeat of an experiment; the same experiment gives the same bits.
+    """Film all repeats of an experiment; the result is bitwise reproducible.
 
     Parameters
     ----------
     experiment
-        The scene, its imperfections, and the camera that films it.
+        The scene, its imperfections, and the camera.
 
     Returns
     -------
@@ -222,7 +222,7 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
 def predicted_means(experiment: Experiment) -> dict[str, Array]:
     """Predict the mean height and period of the flights of each particle within a recording.
 
-    The prediction leaves out all imperfections.
+    The prediction neglects all imperfections.
 
     Parameters
     ----------
@@ -266,7 +266,7 @@ def _landings(
     names = (*PARAMETERS, *(name for name in OF_RESTITUTION if name in numbers))
     values = {name: np.full(restitution.size, numbers[name]) for name in names}
     values["restitution"] = restitution
-    if scene.base != HIGH_BOUNCE:  # all particles share one base, with the velocity A / (1 + e)
+    if scene.base != HIGH_BOUNCE:  # all particles share one base with the velocity A / (1 + e)
         values["amplitude"] *= (1.0 + restitution) / (1.0 + numbers["restitution"])
     parameters = all_parameters(values)
     begin = launches(scene.launch, scene.particles, parameters["frequency"][:1])
@@ -305,8 +305,8 @@ def _trial(
     time = begin + np.arange(round((end - begin) * camera.frame_rate)) / camera.frame_rate
     motions = _motions(scene, numbers, record, surface)
     filmed = film(heights(motions, time, camera.exposure) + level, camera, filming)
-    kept = np.isfinite(filmed).any(axis=1)
-    tracks = make_tracks(time[kept], filmed[kept], source=f"trial {k + 1}")
+    visible = np.isfinite(filmed).any(axis=1)
+    tracks = make_tracks(time[visible], filmed[visible], source=f"trial {k + 1}")
     return Trial(tracks, record, restitution, level, numbers["frequency"], numbers["amplitude"])
 
 
@@ -315,7 +315,7 @@ def write_experiments(
 ) -> list[Path]:
     """Perform virtual experiments and write tracks and true landings of each repeat as CSV.
 
-    The directory is made if it does not exist.  File names consist of `name`, the number of
+    The directory is created if it does not exist.  File names consist of `name`, the number of
     particles and the number of the trial.  Returns for each trial the file of the tracks (time,
     particle, height) and that of the true landings.  Raises an OutputError if a file exists and
     `force` is false, or if it cannot be written.

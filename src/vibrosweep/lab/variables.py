@@ -1,4 +1,4 @@
-"""Variables of datasets with units and meanings, and values with their errors as text."""
+"""Variables of datasets with units and long names, and text of values with errors."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ def require_number(
     whole: bool = False,
     error: type[VibrosweepError] = ParameterError,
 ) -> None:
-    """Raise an error unless the value of an argument is one number within these limits."""
+    """Raise an error unless an argument is one number within the given limits."""
     if not (isinstance(value, Integral if whole else Real) and low <= value <= high):  # type: ignore[operator]
         kind = "a whole number" if whole else "a number"
         raise error(f"{name} = {value!r}: must be {kind}, at least {low:g} and at most {high:g}")
 
 
 def require_parameter(name: str, value: object, *, of: str = "") -> None:
-    """Raise an error unless the value of an argument is one that a parameter, or that `of`, has."""
+    """Raise an error unless an argument is in the range of the parameter `name`, or `of`."""
     parameter = KNOWN[of or name]
     if not (isinstance(value, Real) and parameter.accepts(float(value))):
         raise ParameterError(f"{name} = {value!r}: must be {parameter.allowed}")
 
 
 def require_range_of_frequencies(between: object) -> None:
-    """Raise an error unless these are two frequencies, the lower first."""
+    """Raise an error unless `between` holds two frequencies, the lower one first."""
     ends = between if isinstance(between, tuple | list) else ()
     for end in ends:
         require_parameter("frequency_range", end, of="frequency")
@@ -50,7 +50,7 @@ def require_range_of_frequencies(between: object) -> None:
 def with_units(
     dims: Hashable | Sequence[Hashable], columns: Mapping[str, tuple[Any, str, str]]
 ) -> dict[str, Any]:
-    """Make variables of a dataset from the values, units and meaning of each."""
+    """Make variables of a dataset from values, units and long names."""
     return {
         name: (dims, values, {"units": units, "long_name": words})
         for name, (values, units, words) in columns.items()
@@ -58,5 +58,5 @@ def with_units(
 
 
 def with_error(value: float, error: float, digits: int = 4) -> str:
-    """State a value, and its standard error if it has one."""
+    """Format a value with its standard error, if it has one."""
     return f"{value:.{digits}g}" + (f" ± {error:.2g}" if math.isfinite(error) else "")

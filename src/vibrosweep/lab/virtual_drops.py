@@ -1,4 +1,4 @@
-"""Virtual drops of a ball on a floor, filmed or heard, whose truth is known."""
+"""Virtual drops of a ball on a floor, recorded as films or as sound, with known truth."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vibrosweep.model.restitution_laws import (
 __all__ = ["FloorExperiment", "Truth", "film_drops", "hear_drops"]
 
 CONTACTS: Final = ("dashpot", "hertz")
-LEAST: Final = 0.02  # m s-1: a ball that bounces more slowly is at rest
+LEAST: Final = 0.02  # m s-1; a slower ball is at rest
 
 
 ALLOWED: Final = {
@@ -52,33 +52,34 @@ ALLOWED: Final = {
 
 @dataclass(frozen=True)
 class FloorExperiment:
-    """A ball that is dropped on a floor, and how it is recorded; lengths in m, times in s.
+    """A ball dropped on a floor, and its recording; lengths in m, times in s.
 
     Attributes
     ----------
     height, height_spread
-        Height of the drops, and its standard deviation.
+        Drop height, and its standard deviation.
     restitution, restitution_law, restitution_speed, slope
-        As in a scene, and a change of e with the speed in s/m, about 1 m/s.
+        As in a scene; `slope` is a linear change of e with speed (s/m) about 1 m/s.
     scatter, drop_scatter
         Standard deviations of e from bounce to bounce and from drop to drop.
     contact_time, contact
-        Length of a contact at 1 m/s, and its force: ``"dashpot"``, a spring and a dashpot, or
-        ``"hertz"``, whose contacts last longer at low speed.
+        Contact time at 1 m/s, and the law of force: ``"dashpot"``, a linear spring and a dashpot,
+        or ``"hertz"``, with longer contacts at low speed.
     terminal_speed
         Terminal speed in air, m/s.
     incline
-        Angle of the floor in rad; films then hold x and y, and the ball is thrown along the floor.
+        Inclination of the floor in rad; films then hold x and y, and the ball also moves along the
+        floor.
     bounces
         Largest number of bounces of a drop.
     frame_rate, noise, unit, rounding, lost
-        Of a film: frames per second, noise of a position in m, m per unit of the file, step of the
-        time stamps, share of the frames that are lost.
+        Of a film: frames per second, noise of a position in m, unit of the file in m, resolution of
+        the time stamps, fraction of lost frames.
     hands
         Whether the film begins with the ball held, and ends with the ball caught.
     timing, missed, false
-        Of sound: standard deviation of the time of a click, the share of missed clicks, and the
-        number of false clicks per impact.
+        Of sound: standard deviation of the time of a click, fraction of missed clicks, and number
+        of false clicks per impact.
 
     Examples
     --------
@@ -128,14 +129,14 @@ class FloorExperiment:
 
 
 class Truth(NamedTuple):
-    """What happened in a drop: each impact with its time, speed and restitution."""
+    """True motion in a drop: time, speed and restitution of each impact."""
 
     time: Array
     speed: Array
     restitution: Array
-    apex: Array  # times of the apices, the release first
-    rise: Array  # heights of the apices
-    length: Array  # of each contact
+    apex: Array  # times of the apexes, starting with the release
+    rise: Array  # heights of the apexes
+    length: Array  # contact times
 
 
 def _drop(setup: FloorExperiment, rng: np.random.Generator) -> Truth:
@@ -153,19 +154,19 @@ def _drop(setup: FloorExperiment, rng: np.random.Generator) -> Truth:
         made.append((apex + fall, w, e, apex, nominal**2 / (2.0 * g), length))
         if e * w < LEAST or k == setup.bounces:
             break
-        # the nominal speed of a rise that begins at e w
+        # nominal speed of a rise with the lift-off speed e w
         nominal = float(np.sqrt(np.log1p(drag * (e * w) ** 2) / drag)) if drag else e * w
         apex += fall + length + float(flight_of(np.asarray(nominal), g, drag)[2])
     return Truth(*np.array(made, np.float64).T)
 
 
 def _compression(e: float, contact: str) -> tuple[Array, Array]:
-    """Return a contact of length 1 that begins at a speed of 1: times, and depths."""
+    """Return times and depths of a contact of unit duration and unit impact speed."""
     if contact == "dashpot":
         decay = -np.log(e)
         time = np.linspace(0.0, 1.0, 100)
         return time, np.exp(-decay * time) * np.sin(np.pi * time) / np.pi
-    # a force x^1.5 (1 + p x'), whose p follows from e without integration
+    # force x^1.5 (1 + p x'), where p follows from e in closed form
     p = brentq(lambda p: p * (1 + e) - np.log1p(p) + np.log1p(-e * p), 1e-9, (1 - 1e-12) / e)
 
     def end(_: float, x: Array) -> float:
@@ -184,7 +185,7 @@ def _compression(e: float, contact: str) -> tuple[Array, Array]:
 
 
 def _height(truth: Truth, time: Array, setup: FloorExperiment) -> Array:
-    """Return heights above the level of first contact."""
+    """Return heights above the level at first contact."""
     g, drag = setup.gravity * np.cos(setup.incline), setup.terminal_speed**-2
     height = np.zeros(time.size)
     starts = np.append(-np.inf, truth.time + truth.length)
@@ -204,21 +205,21 @@ def _height(truth: Truth, time: Array, setup: FloorExperiment) -> Array:
 def film_drops(
     setup: FloorExperiment, drops: int = 1, seed: int = 0
 ) -> tuple[list[Recording], list[Truth]]:
-    """Film drops.
+    """Film drops of a ball on a floor.
 
     Parameters
     ----------
     setup
         The ball, the floor and the camera.
     drops
-        Number of drops, each on a film of its own.
+        Number of drops, one film each.
     seed
         Seed of the random numbers.
 
     Returns
     -------
     list of Recording, list of Truth
-        The films, and what happened in them.
+        The films, and the true motion in each.
 
     Examples
     --------
@@ -235,27 +236,29 @@ def film_drops(
         end = truth.time[-1] - 0.4 * (truth.time[-1] - truth.apex[-1]) * setup.hands
         time = np.arange(-wait + step * rng.random(), end + wait, step)
         height = _height(truth, np.minimum(time, end), setup)
-        if setup.hands:  # which catch the ball, and raise it
+        if setup.hands:  # the hand catches the ball and raises it
             height += 0.3 * np.maximum(time - end, 0.0)
-        beside = None
+        horizontal = None
         if setup.incline:
             sine, cosine = np.sin(setup.incline), np.cos(setup.incline)
             along = 0.4 * time - 0.5 * setup.gravity * sine * time**2
-            beside = along * cosine - height * sine + setup.noise * rng.standard_normal(time.size)
+            horizontal = (
+                along * cosine - height * sine + setup.noise * rng.standard_normal(time.size)
+            )
             height = along * sine + height * cosine
         height += setup.noise * rng.standard_normal(time.size) + 0.1 * rng.random()
         time = time + wait
         if setup.rounding:
             time = np.round(time / setup.rounding) * setup.rounding
-        kept = rng.random(time.size) >= setup.lost
-        kept &= np.append(True, np.diff(time) > 0.0)
+        filmed = rng.random(time.size) >= setup.lost
+        filmed &= np.append(True, np.diff(time) > 0.0)
         films.append(
             Recording(
                 name=f"drop {k + 1}",
                 group="",
-                time=time[kept],
-                height=height[kept] / setup.unit,
-                horizontal=None if beside is None else beside[kept] / setup.unit,
+                time=time[filmed],
+                height=height[filmed] / setup.unit,
+                horizontal=None if horizontal is None else horizontal[filmed] / setup.unit,
                 scale_known=setup.unit == 1.0,
                 rate_known=True,
                 rounding=setup.rounding,
@@ -269,7 +272,7 @@ def film_drops(
 def hear_drops(
     setup: FloorExperiment, drops: int = 1, seed: int = 0
 ) -> tuple[list[Recording], list[Truth]]:
-    """Record the clicks of drops.
+    """Record the clicks of the impacts of drops.
 
     Parameters
     ----------
@@ -283,7 +286,7 @@ def hear_drops(
     Returns
     -------
     list of Recording, list of Truth
-        The times of the clicks, and what happened.
+        Times of clicks, and the true motion of each drop.
 
     Examples
     --------
