@@ -11,6 +11,7 @@ import vibrosweep as vs
 from tests.cases import each_of
 from tests.scans import basins, bifurcation, find_windows
 from vibrosweep import simulate, sobol, sweep, theory
+from vibrosweep.analysis import conditions
 from vibrosweep.analysis.basins import capacity
 from vibrosweep.analysis.bifurcation import OBSERVABLES, summary
 from vibrosweep.analysis.common import launch_states, reached, settle_from
@@ -246,14 +247,14 @@ ANALYSES = {
 def asked(monkeypatch):
     """Observations that the engine and a recorder of landings are called with."""
     seen = []
-    for module, name in ((engine, "follow"), (landings, "statistics")):
-        function = getattr(module, name)
+    function = engine.statistics
 
-        def watched(*arguments, function=function, **others):
-            seen.extend(a for a in arguments if hasattr(a, "skip"))
-            return function(*arguments, **others)
+    def watched(*arguments, **others):
+        seen.extend(a for a in arguments if hasattr(a, "skip"))
+        return function(*arguments, **others)
 
-        monkeypatch.setattr(module, name, watched)
+    for module in (engine, landings, conditions):
+        monkeypatch.setattr(module, "statistics", watched)
     return seen
 
 

@@ -282,11 +282,6 @@ def test_public_names_are_loaded_lazily():
         _ = vibrosweep.absent
 
 
-def test_names_that_are_no_longer_public_point_to_their_successors():
-    with pytest.raises(AttributeError, match=r"vibrosweep\.windows"):
-        _ = vibrosweep.analysis.Scene
-
-
 WAYS = {
     "base_velocity": [0.3, 1.0],
     "base_displacement": [0.02, 0.1],

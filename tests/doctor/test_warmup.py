@@ -73,6 +73,6 @@ def test_all_machine_code_is_on_disk_afterwards():
 
 
 def test_warming_up_without_a_cache_directory_is_refused(monkeypatch):
-    monkeypatch.setattr(_jit, "cache_directory", None)
+    monkeypatch.setattr(machine, "cache_directory", None)
     with pytest.raises(OutputError, match="NUMBA_CACHE_DIR"):
         warm_up()

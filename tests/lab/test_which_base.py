@@ -1,12 +1,14 @@
 """The base of a recording: a few bounces cannot decide it, and flights must fall with gravity."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vibrosweep.errors import TrackError
+from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.base_fit import (
     FAR,
     BaseFit,
@@ -21,6 +23,8 @@ from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.flights import contradicts
 from vibrosweep.lab.impacts import find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines
+from vibrosweep.lab.recordings import Recording
+from vibrosweep.lab.shaken_times import times_on_shaker
 from vibrosweep.lab.trials import perform_trials
 
 G = LABORATORY["gravity"]
@@ -173,8 +177,8 @@ def test_the_whole_correction_of_a_scale_is_limited(base, error):
     assert not contradicts(flights.gravity, flights.gravity_error, flights.curvature)
 
 
-def test_residuals_larger_than_noise_widen_the_errors_and_are_reported():
-    """Restitutions that differ among particles, fitted by a common one."""
+def test_restitutions_that_differ_widen_the_errors_as_their_scatter():
+    """Of three particles, fitted by a common restitution; scatter is a component of errors."""
     scene = {**LABORATORY, "restitution": 0.7, "amplitude": 0.2}
     plan = Experiment(
         **scene,
@@ -185,11 +189,16 @@ def test_residuals_larger_than_noise_widen_the_errors_and_are_reported():
         duration=6.0,
         variation=Variation(restitution_spread=0.03),
     )
-    found = find_impacts(perform_trials(plan)[0].tracks, frequency=20.0, motion="moving")
-    one = estimate(found, frequency=20.0)
-    assert float(one["misfit"]) > 1.5
-    assert "scatter more than the noise of the tracks explains" in one.attrs["warning"]
-    assert "scatter more than the noise" in "\n".join(impact_lines(found))
+    trial = perform_trials(plan)[0]
+    found = find_impacts(trial.tracks, frequency=20.0, motion="moving")
+    alike = replace(plan, variation=Variation())
+    equal = find_impacts(perform_trials(alike)[0].tracks, frequency=20.0, motion="moving")
+    assert 0.01 < found["scatter"] < 0.1
+    assert found["scatter_limit"] > found["scatter"]
+    assert equal["scatter_limit"] < 0.5 * found["scatter"]
+    errors = [float(estimate(one, frequency=20.0)["error"][0]) for one in (found, equal)]
+    assert errors[0] > 2.0 * errors[1]
+    assert f"bounce to bounce {float(found['scatter']):.2g}, " in "\n".join(impact_lines(found))
 
 
 @given(seed=st.integers(0, 2**32 - 1), wide=st.floats(2.0, 10.0))
@@ -207,3 +216,20 @@ def test_errors_from_residuals_are_right_if_the_noise_differs_from_the_assumed_o
     assert 0.5 < found[1, 1] / exact[1, 1] < 1.9
     misfit = float(residual @ residual) / (x.size - 2)
     assert is_improbable(misfit, x.size - 2)
+
+
+def test_a_contact_time_is_used_refused_or_reported():
+    """A film over a shaken base whose contacts are instantaneous, and times alone."""
+    how = {"particles": 2, "repeats": 1, "transient": 0.0, "duration": 6.0}
+    plan = Experiment(**LABORATORY, base="moving", **how)
+    tracks = perform_trials(plan)[0].tracks
+    known = find_impacts(tracks, frequency=20.0)
+    assert find_impacts(tracks, frequency=20.0, contact=0).equals(known)
+    found = find_impacts(tracks, frequency=20.0, contact=(1e-6, 1e-4))
+    assert found["contact"] >= 0.0
+    assert "contacts last at most" in "\n".join(impact_lines(found))
+    with pytest.raises(TrackError, match=r"contact = 0\.001 s .* over a moving base only"):
+        find_impacts(tracks, frequency=20.0, contact=1e-3, motion="level")
+    recording = Recording("", "", np.arange(40.0), None, None, True, True, 0.0, None)
+    with pytest.raises(ParameterError, match=r"contact = \(0\.0002, .*: must be one number"):
+        times_on_shaker([recording], contact=(2e-4, 2e-3))

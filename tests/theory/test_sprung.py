@@ -251,3 +251,9 @@ def test_an_orbit_through_the_base_is_not_clear():
     base = CoupledBase(0.2, 9.0, 0.0, 0.37, 0.05)
     phase = coupled_theory.landing_phase(9.0, 1, 0.2, 0.0, 0.37, 0.05)
     assert not is_clear(find_cycle(base, 1, [0.5 - phase], [0], 1))
+
+
+@pytest.mark.parametrize("spacing", [0.0, -1.0, np.nan, np.inf, "x"])
+def test_recoils_are_a_positive_time_apart(spacing):
+    with pytest.raises(ParameterError, match=r"^spacing = "):
+        coupled_theory.recoil_deviation(0.37, 0.05, spacing)

@@ -574,7 +574,7 @@ def line_summary(found: xr.Dataset) -> Iterator[str]:
             text = "; ".join(events) or "no bifurcation"
         else:
             text = kinds[int(one["bifurcation"])].replace("_", " ")
-        yield f"{cycle_name(p, q):18}{int(one[along].count())} points ({why}); {text}"
+        yield f"{cycle_name(p, q):24}{int(one[along].count())} points ({why}); {text}"
 
 
 class Plane:

@@ -69,12 +69,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "track.csv --frequency 20 -o impacts.h5",
     )
     _add_tracks(impacts)
-    impacts.add_argument(
-        "--contact",
-        metavar="S",
-        type=_range,
-        help="contact time over a moving base, or a range LOW:HIGH; default: 0",
-    )
     impacts.add_argument("--frequency", metavar="HZ", type=float, help="forcing frequency")
     impacts.add_argument(
         "--phase", metavar="RAD", type=float, default=0.0, help="phase of the forcing at t = 0"
@@ -174,6 +168,12 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--axis", choices=("up", "down"), help="direction in which heights grow")
     parser.add_argument("--base", metavar="Y", type=float, help="height of the base in the file")
     parser.add_argument(
+        "--contact",
+        metavar="S",
+        type=_range,
+        help="contact time over a moving base, or a range LOW:HIGH; default: 0",
+    )
+    parser.add_argument(
         "--base-motion",
         choices=("detect", "level", "moving"),
         default="detect",
@@ -271,7 +271,7 @@ def _setup(options: argparse.Namespace) -> Setup:
         None
         if options.base_trace is None
         else read_trace(options.base_trace, column=options.column),
-        contact_of(getattr(options, "contact", None)),
+        contact_of(options.contact),
     )
 
 

@@ -385,8 +385,8 @@ def noisy_lift_off(
     """Return the instant at which a particle that comes to rest at (n, x) lifts off.
 
     This is `known`, unless the amplitude is random: then it is the instant of the landing, from
-    which `vibrosweep.kernels.bases.wake` searches.  A rest for good has an infinite count, or the
-    phase NaN.
+    which `vibrosweep.kernels.bases.later_lift_off` searches.  A rest for good has an infinite
+    count, or the phase NaN.
     """
     if noise is None:
         return known

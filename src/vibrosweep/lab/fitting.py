@@ -613,6 +613,13 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
             flights, favoured = _flights(samples, gravity, setup)
     except TrackError as error:
         raise TrackError(f"{tracks.attrs['source']}: {error}") from error
+    if flights.base_fit is None and setup.contact != INSTANT:
+        raise TrackError(
+            f"{tracks.attrs['source']}: contact = {setup.contact.value:.2g} s is given, which "
+            f"counts over a moving base only, but the landings "
+            f"{'favour a base at rest' if favoured == 'level' else 'do not determine its motion'}: "
+            f"correct the contact time, or leave it out"
+        )
     return FittedTracks(samples, flights, swaps, favoured)
 
 
@@ -665,19 +672,20 @@ def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights
     if base_fit is None or (detected and favoured != "moving"):
         return favoured, None
     over = flights_over(samples, cut, base_fit, setup.exposure)
+    correct = "" if setup.contact == INSTANT else ", or correct the contact time"
     above = float(over.junctions.overlapping.mean()) if over.junctions.before.size else 0.0
     if above > TURNED_ABOVE:
         raise TrackError(
             f"{100.0 * above:.0f} % of the flights over the base that was found meet above it, "
             f"which is impossible: the landings do not determine how the base moves; film "
-            f"faster or closer, or give the frequency or a trace of the base"
+            f"faster or closer, or give the frequency or a trace of the base{correct}"
         )
     if over.base_fit is not None and over.base_fit.problem.scatter > MOST_SCATTER:
         raise TrackError(
             f"over the base that was found restitutions scatter by "
             f"{over.base_fit.problem.scatter:.2g}, more than any ball: the landings do not "
             f"determine how the base moves; film faster or closer, or give the frequency or a "
-            f"trace of the base"
+            f"trace of the base{correct}"
         )
     # the contacts of the fitted flights are more accurate, and must favour a moving base too
     if detected and over.base_fit is not None and not moves(over.base_fit):

@@ -164,7 +164,7 @@ def find_impacts(
 
 def contact_of(contact: float | tuple[float, float] | None) -> Input:
     """Return the prior of the contact time (s)."""
-    if contact is None:
+    if contact is None or contact == 0:
         return INSTANT
     known = given("contact", contact)
     return Input(known.value, known.error or SHORT * known.value)
@@ -265,7 +265,7 @@ def _of_bounces(fit: BaseFit) -> dict[str, tuple[float, str, str]]:
     """Contact time and scatter of the restitution, as variables with their errors."""
     error, limit = float(np.sqrt(fit.covariance[-1, -1])), fit.scatter_limit
     effect = abs(float(fit.covariance[0, -1])) / error
-    values = (float(fit.values[-1]), error, effect, fit.problem.scatter, limit)
+    values = (max(float(fit.values[-1]), 0.0), error, effect, fit.problem.scatter, limit)
     return {
         name: (value, *meaning)
         for (name, meaning), value in zip(OF_BOUNCES.items(), values, strict=True)

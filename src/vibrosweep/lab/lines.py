@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.errors import DataError
-from vibrosweep.lab.base_fit import law_text
+from vibrosweep.lab.base_fit import INSTANT, law_text
 from vibrosweep.lab.compare import READINGS
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.fitting import FittedTracks
@@ -207,7 +207,6 @@ def numbers_of(found: xr.Dataset) -> dict[str, Any]:
 
 SEEN: Final = 3.0  # standard errors from which a contact time is reported as a value
 ONE_SIDED: Final = 1.645  # standard errors of a one-sided 95 % limit
-LEAST_EFFECT: Final = 1e-6  # smallest reported contribution of the contact time to the error of e
 SCATTERS: Final = 0.5  # ratio to its upper limit above which a scatter is reported as a value
 INSTANTS: Final = 24  # plotted points of the base per period of its highest harmonic
 
@@ -268,7 +267,7 @@ def _lines_of_bounces(found: xr.Dataset) -> list[str]:
     contact, error, effect, scatter, limit = (float(found[name]) for name in OF_BOUNCES)
     scattered = f"{scatter:.2g}, " if scatter > SCATTERS * limit else "not detected, "
     lines = [f"scatter of e from bounce to bounce {scattered}at most {limit:.2g} (95 %)"]
-    if effect > LEAST_EFFECT:  # a range of the contact time was given
+    if error > INSTANT.error:  # a contact time was given
         lasts = f"last {with_error(1e3 * contact, 1e3 * error)} ms"
         if contact < SEEN * error:
             lasts = f"last at most {1e3 * max(contact + ONE_SIDED * error, 0.0):.2g} ms (95 %)"

@@ -17,7 +17,7 @@ import xarray as xr
 from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array, Flags
-from vibrosweep.errors import TrackError
+from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.ballistics import given
 from vibrosweep.lab.clicks import impacts_in
 from vibrosweep.lab.drops import (
@@ -339,7 +339,12 @@ def times_on_shaker(
     require_parameter("gravity", gravity)
     if frequency is not None:
         require_parameter("frequency", frequency)
-    c = 0.0 if contact is None else given("contact", contact).value
+    if isinstance(contact, tuple | list):
+        raise ParameterError(
+            f"contact = {contact!r}: must be one number for times of impacts over a shaken base, "
+            f"which do not determine it; the effect of 1 ms is reported if it is left out"
+        )
+    c = given("contact", contact).value if contact else 0.0
     triples, name, middle = _triples(recordings, gravity, c)
     low, high = frequency_range
     span = min(float(np.ptp(triples.time)), SCAN_SECONDS)
@@ -370,7 +375,7 @@ def times_on_shaker(
             f"to 1 is possible; check the frequency, and whether impacts are missing"
         )
     warning = locked or _ambiguous(name, tried, start)
-    return _result(triples, found, (name, middle, frequency, contact is None), warning)
+    return _result(triples, found, (name, middle, frequency, not contact), warning)
 
 
 def _spread(found: _Adjusted) -> Array:

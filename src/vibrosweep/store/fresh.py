@@ -28,7 +28,7 @@ def opened(path: Path) -> xr.Dataset | None:
     found = just_written(path)
     if found is None or any(dtype.hasobject for _, _, dtype, _ in found.arrays.values()):
         return None  # h5netcdf has special types for texts, such as labels of a table
-    return xr.open_dataset(path, engine=_JustWritten)
+    return xr.open_dataset(path.absolute(), engine=_JustWritten)
 
 
 class _JustWritten(BackendEntrypoint):

@@ -128,7 +128,10 @@ def recoil_deviation(natural: ArrayLike, damping: ArrayLike, spacing: ArrayLike 
     >>> vs.theory.sprung.recoil_deviation(0.37, 0.0).round(6)
     array([-0.093071,  0.5     ])
     """
-    phi = mount_propagator(natural, damping, spacing)
+    periods = as_numbers("spacing", spacing)
+    if not np.all(np.isfinite(periods) & (periods > 0.0)):
+        raise ParameterError(f"spacing = {spacing!r}: must be above 0 and finite")
+    phi = mount_propagator(natural, damping, periods)
     matrix = np.eye(2) - phi
     unit = np.array([0.0, -1.0])
     determinant = matrix[..., 0, 0] * matrix[..., 1, 1] - matrix[..., 0, 1] * matrix[..., 1, 0]
