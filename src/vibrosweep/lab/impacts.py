@@ -111,8 +111,8 @@ def find_impacts(
     trace
         Measured motion of the base, from `vibrosweep.lab.read_trace`.
     contact
-        Contact time over a moving base in s, or a range within which the film determines it; by
-        default 0.
+        Contact time over a moving base in s, or a range: the prior (its mean and standard
+        deviation) of what the film determines; by default 0.
 
     Returns
     -------

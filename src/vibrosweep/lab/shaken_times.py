@@ -300,7 +300,7 @@ def times_on_shaker(
     frequency_range
         Interval to search for the frequency, Hz.
     contact
-        Contact time in s, by default 0; the effect of 1 ms is reported.
+        Contact time in s, one number; by default 0, and the effect of 1 ms is reported.
     gravity
         Gravity in m s-2.
 
