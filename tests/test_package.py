@@ -131,8 +131,16 @@ def test_the_citation_is_of_this_version(metadata):
     assert stated["title"] == metadata["Name"]
     assert stated["version"] == metadata["Version"]
     assert stated["license"] == metadata["License-Expression"]
-    assert stated["abstract"].rstrip(".") == metadata["Summary"]
     assert stated.get("repository-code", "") == ADDRESSES["source"]
+
+
+def test_the_abstract_of_the_citation_is_the_summary_of_the_paper():
+    citation, paper = ((ROOT / p).read_text("utf-8") for p in ("CITATION.cff", "paper/paper.md"))
+    abstract = re.search(r"^abstract: >-\n((?:  .*\n)+)", citation, re.MULTILINE)[1]
+    summary = re.search(r"^# Summary\n(.*?)^# ", paper, re.MULTILINE | re.DOTALL)[1]
+    plain = re.sub(r" \[@[^]]*\]|`", "", summary)
+    assert abstract.split() == plain.split()
+    assert 200 < len(plain.split()) <= 250
 
 
 @pytest.mark.parametrize("path", ["CITATION.cff", "paper/paper.md"])
