@@ -5,9 +5,9 @@ which gives the same bits.  Over the high-bounce base, with constant restitution
 and the statistics of every sweep, the tests use all of it; elsewhere that which serves every case.
 Noise of some kinds is computed by the machine code of all kinds, with strengths of 0; landings are
 the same to the bit, and means add the same numbers in other partial sums.
-Scenes that are not `compiled` run as plain Python, which gives the same bits, and so do pieces of
+Kernels of the scenes in `PLAIN` run as plain Python, which gives the same bits, and so do pieces of
 kernels that a test in `tests/kernels` calls.  `tests/kernels/test_machine_code.py` and
-`tests/kernels/test_bases.py` compare them.
+`tests/kernels/test_bases.py` compare them; `python -m pytest --machine-code` compiles everything.
 """
 
 import threading
@@ -74,13 +74,15 @@ FIXED = {"find_fixed", "end_errors", "conditions", "orbits_hold"}
 EVERYTHING = {"record", "sweep", "observe", "separate", "find_order", "settle", "trust"}
 # By the types of a scene, what runs as plain Python
 PLAIN = {
-    "Reflect": {"find_order", "find_fixed", "shortest_flights"},
+    "Reflect": {"find_order", "shortest_flights"},
     "Plastic": FIXED | CLOSED,
     "Viscoelastic": FIXED | {"observe"},
     "Points": EVERYTHING | FIXED | CLOSED,
     "Softening": EVERYTHING - {"record"},
-    "Harmonics": FIXED | {"settle"},
-    "MovingHarmonics": EVERYTHING - {"record"},
+    "Harmonics": FIXED | CLOSED - {"find_closed"} | {"settle"},
+    "MovingHarmonics": (EVERYTHING | FIXED | CLOSED) - {"record"},
+    "MovingParabolic": EVERYTHING | FIXED | CLOSED,
+    "Parabolic": EVERYTHING | FIXED | CLOSED,
     "Noise": {"settle", "trust"},
     "Moving": {"observe"},
 }
@@ -98,7 +100,7 @@ def asked(function, arguments):
         elif isinstance(argument, Coupled):
             scene = argument.mounts
     if name == "advance":
-        share, batch, options, window, memory, found = arguments[:6]
+        options, found = arguments[2], arguments[5]
         more = len(found.kinds) > len(KINDS)
         name = "record" if options.observer is not None else "observe" if more else "sweep"
     elif name == "advance_coupled":
@@ -144,12 +146,24 @@ def evaluate(intrinsic, *arguments):
     return np.float64(one_rounding(*arguments)) if intrinsic is _jit.fma else None
 
 
-def in_tests():
-    """Take general machine code in this process, and plain Python for rare scenes."""
-    measure.advance, measure.fitted = advance, fitted
-    measure.batch_of = landings.batch_of = conditions.batch_of = batch_of
+def in_tests(machine_code=False):
+    """Take general machine code in this process, and plain Python for rare scenes.
+
+    With `machine_code`, take what the engine chooses, apart from pieces that a test calls.
+    """
+    if machine_code:
+        PLAIN.clear()
+        PLAIN_JOINTLY.clear()
+    else:
+        measure.advance, measure.fitted = advance, fitted
+        measure.batch_of = landings.batch_of = conditions.batch_of = batch_of
     if not numba.config.DISABLE_JIT:
         _jit.Deferred.__call__, type(_jit.fma).__call__ = call, evaluate
+
+
+def everything_plain(monkeypatch):
+    """Compile nothing until the test ends."""
+    monkeypatch.setattr(f"{__name__}.compiled", lambda function, arguments: False)
 
 
 def as_the_engine_chooses(monkeypatch):

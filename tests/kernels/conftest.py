@@ -2,7 +2,6 @@
 
 import pytest
 
-from tests import general
 from vibrosweep.kernels.bases import constants
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.parameters import dimensionless
@@ -21,7 +20,5 @@ def constants_of(parameters):
 
 
 @pytest.fixture(autouse=True, scope="module")
-def plain_pieces():
-    general.PIECES.append(__name__)
-    yield
-    general.PIECES.clear()
+def _plain(plain_pieces):
+    """Do so in all tests of kernels."""
