@@ -258,7 +258,7 @@ def test_landings_come_from_a_record():
 # Shares against a parameter, of realizations, particles and replicas.
 
 
-def made(free, locked, amplitude):
+def shared(free, locked, amplitude):
     """A sweep of four particles that holds nothing but what shares need."""
     return xr.Dataset(
         {
@@ -273,7 +273,7 @@ def made(free, locked, amplitude):
 def test_shares_are_those_of_the_realizations_between_the_ends():
     random = np.random.default_rng(0)
     a, locked = random.uniform(0.5, 3.5, 400), random.integers(0, 5, 400)
-    sweep = made(a > 2.0, locked, a)
+    sweep = shared(a > 2.0, locked, a)
     for of, values in (("collision_free", a > 2.0), ("locked", locked / 4.0)):
         found = share_against(sweep, "amplitude", of=of, bins=5)
         assert found.sizes["part"] == 5
@@ -287,7 +287,7 @@ def test_shares_are_those_of_the_realizations_between_the_ends():
 def test_intervals_are_exact_and_each_value_of_a_grid_has_its_own():
     free = [1, 1, 0, -1, 0, 0, 0, 0, -1, -1]
     found = share_against(
-        made(free, [0] * 10, [1.0] * 4 + [2.0] * 4 + [3.0] * 2), "amplitude", of="collision_free"
+        shared(free, [0] * 10, [1.0] * 4 + [2.0] * 4 + [3.0] * 2), "amplitude", of="collision_free"
     )
     np.testing.assert_array_equal(found.amplitude_low, [1.0, 2.0, 3.0])
     np.testing.assert_array_equal(found.amplitude_high, [1.0, 2.0, 3.0])
@@ -342,7 +342,7 @@ def test_shares_of_windows_under_noise_are_those_of_the_replicas():
 
 
 def test_what_a_sweep_does_not_know_is_named():
-    sweep = made([1, 0], [4, 0], [1.0, 2.0])
+    sweep = shared([1, 0], [4, 0], [1.0, 2.0])
     with pytest.raises(ParameterError, match=r"of = .chaos.: must be .*unsettled"):
         share_against(sweep, "amplitude", of="chaos")
     with pytest.raises(DataError, match=r"resting_count .*regimes = true"):
