@@ -74,6 +74,5 @@ def test_all_machine_code_is_on_disk_afterwards():
 
 def test_warming_up_without_a_cache_directory_is_refused(monkeypatch):
     monkeypatch.setattr(machine, "cache_directory", None)
-    monkeypatch.setattr(machine, "LAWS", ("rest",))
     with pytest.raises(OutputError, match="NUMBA_CACHE_DIR"):
         warm_up()
