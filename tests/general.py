@@ -76,7 +76,7 @@ EVERYTHING = {"record", "sweep", "observe", "separate", "find_order", "settle", 
 PLAIN = {
     "Reflect": {"find_order", "shortest_flights"},
     "Plastic": FIXED | CLOSED,
-    "Viscoelastic": FIXED | {"observe"},
+    "Viscoelastic": FIXED | {"observe", "record"},
     "Points": EVERYTHING | FIXED | CLOSED,
     "Kind": EVERYTHING - {"record"},  # a law from outside the package
     "Harmonics": FIXED | CLOSED - {"find_closed"} | {"settle"},
@@ -84,7 +84,6 @@ PLAIN = {
     "MovingParabolic": EVERYTHING | FIXED | CLOSED,
     "Parabolic": EVERYTHING | FIXED | CLOSED,
     "Noise": {"settle", "trust"},
-    "Moving": {"observe"},
 }
 # The same over a base of finite mass
 PLAIN_JOINTLY = {"Plastic": {"record", "sweep"}, "Mounts": {"observe"}}
