@@ -9,37 +9,306 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
 from PIL import Image
 
-import high_bounce_pictures as pictures
 import vibrosweep as vs
 from accuracy import provenance, table, write_section
-from high_bounce_literature import chaos, literature, tangent_root
-from high_bounce_scenes import (
-    BOTH,
-    GRAVITY,
-    MOVING,
-    PAPER,
-    SETTLED,
-    amplitude_of,
-    gamma_of,
-    independent,
-    measured,
-    of_paper,
-    regime_of,
-    settled,
-)
 from vibrosweep import simulate, theory
+from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
+from vibrosweep.figures import style
 from vibrosweep.model.measures import Regime
+from vibrosweep.model.observables import Measures
+from vibrosweep.model.parameters import HIGH_BOUNCE, MOVING, PARAMETERS
+from vibrosweep.scene.design import open_design
+from vibrosweep.scene.scene import Scene
+from vibrosweep.scene.sweep import read_spec
 
+# Scenes that high_bounce_cost.py computes on both bases, and the regimes of their particles.
+
+BOTH = HIGH_BOUNCE, MOVING
 ROOT = Path(__file__).parents[1]
+PAPER = read_spec(ROOT / "sweeps" / "paper.toml")
+NAMES = ("at rest", "resting", "locked", "other")
+GRAVITY = PARAMETERS["gravity"].default
+SETTLED = 20_000.0  # s at 1 Hz; a locked orbit of e = 0.98 recurs within 7,500 periods
+PIECE = 2000  # realizations at a time
+
+
+def gamma_of(e, amplitude, frequency=1.0):
+    """Largest acceleration of the base in g: A = (1 + e) V0, Gamma = 2 pi f V0 / g."""
+    return 2.0 * np.pi * frequency * amplitude / ((1.0 + e) * GRAVITY)
+
+
+def amplitude_of(e, gamma, frequency=1.0):
+    """Kick amplitude A in m/s on a base of that acceleration."""
+    return (1.0 + e) * gamma * GRAVITY / (2.0 * np.pi * frequency)
+
+
+def settled(particles=20, launch="staggered", duration=SETTLED):
+    """Observe orbits until they settle, and measure the last tenth of the time."""
+    asked = Measures(0.9 * duration, regimes=True, lyapunov=True, per_particle=True)
+    return Scene(particles, launch, duration, "rest", asked)
+
+
+def measured(values, observation, base, workers):
+    """Measure realizations on one base, some at a time."""
+    size = values["restitution"].size
+    full = {n: np.broadcast_to(values.get(n, p.default), size) for n, p in PARAMETERS.items()}
+    found = []
+    for start in range(0, size, PIECE):
+        piece = {n: np.array(v[start : start + PIECE], float) for n, v in full.items()}
+        found.append(measure(piece, replace(observation, base=base), workers))
+    whole = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
+    assert (whole["status"] == 0).all()
+    return whole
+
+
+def regime_of(found):
+    """Regime of each particle; orbits without recurrence are one regime, UNSETTLED."""
+    return np.minimum(found["regime"], Regime.UNSETTLED)
+
+
+def of_paper():
+    """Restitution and amplitude of the realizations of sweeps/paper.toml."""
+    return open_design(PAPER).take(0, PAPER.design.realizations)
+
+
+def independent(seed, count):
+    """Realizations of paper.toml's ranges with one particle each, launched at a random phase."""
+    random = np.random.default_rng(seed)
+    ranges = {name: (drawn.low, drawn.high) for name, drawn in PAPER.design.sampled.items()}
+    ranges["phase"] = (0.0, 2.0 * np.pi)
+    return {name: random.uniform(*bounds, count) for name, bounds in ranges.items()}
+
+
+# Pictures of study/high-bounce.md.
+
+REGIMES = ("at rest", "resting", "locked", "other")
+TICKS = (0.03, 0.1, 0.3, 1.0, 3.0)
+COLOURS = ("0.75", style.OKABE_ITO[5], style.OKABE_ITO[0], style.OKABE_ITO[1])
+
+
+@mpl.rc_context(style.RC)
+def draw_plane(e, gamma, common, agreement):
+    """Commonest regime on each base, and two shares of launches that agree on both bases."""
+    figure = Figure(figsize=(style.PAGE, 5.2), layout="constrained")
+    panels = figure.subplots(2, 2, sharex=True, sharey=True)
+    codes = {"cmap": ListedColormap(COLOURS), "norm": BoundaryNorm(np.arange(5) - 0.5, 4)}
+    q = (1.0 - e) / (1.0 + e)
+    for axes, values, steepest, title in zip(
+        panels[0], common, (1.0, 1.0 + q * q), ("fixed base", "moving base"), strict=True
+    ):
+        kinds = axes.pcolormesh(e, gamma, values, rasterized=True, **codes)
+        axes.plot(e, np.hypot(np.pi * q, steepest), "k--", path_effects=style.halo())
+        axes.set_title(f"commonest regime, {title}")
+    titles = ("the same regime", "the same, at rest and resting as one")
+    for axes, share, title in zip(panels[1], agreement, titles, strict=True):
+        shares = axes.pcolormesh(
+            e,
+            gamma,
+            100.0 * share,
+            cmap=style.SEQUENTIAL_MAP,
+            vmin=0.0,
+            vmax=100.0,
+            rasterized=True,
+        )
+        axes.set_title(title)
+    figure.colorbar(kinds, ax=panels[0], ticks=range(4)).ax.set_yticklabels(NAMES)
+    figure.colorbar(shares, ax=panels[1]).set_label("launches (%)")
+    for axes in panels.flat:
+        axes.plot(e, np.pi * q, "k-", path_effects=style.halo())
+        axes.set(yscale="log", xlim=(e[0], e[-1]), ylim=(gamma[0], gamma[-1]))
+        axes.set_yticks(TICKS, [f"{tick:g}" for tick in TICKS])
+        axes.minorticks_off()
+    for axes in panels[1]:
+        axes.set_xlabel("restitution $e$")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("acceleration of the base $\\Gamma$ (g)")
+    return figure
+
+
+@mpl.rc_context(style.RC)
+def draw_limit(gammas, curves):
+    """Difference of landing times between the bases against Gamma, with its first order."""
+    figure = Figure(figsize=(style.MEDIUM, 3.2), layout="constrained")
+    axes = figure.add_subplot()
+    for (u, off), colour in zip(curves.items(), style.colours(len(curves)), strict=True):
+        axes.loglog(gammas, off[:, 0], "o", markersize=3, color=colour, label=f"$u_0 = {u:g}$")
+        axes.loglog(gammas, off[:, -1], "s", markersize=3, color=colour, fillstyle="none")
+        axes.loglog(gammas, gammas / (np.sqrt(2.0) * np.pi**2 * u), "-", color=colour)
+    axes.set_xlabel("acceleration of the base $\\Gamma$ (g)")
+    axes.set_ylabel("difference of landing times\n(rms, forcing periods)")
+    style.head(axes, "first landing (dots), fourth (squares), first order (lines)", 3)
+    return figure
+
+
+@mpl.rc_context(style.RC)
+def draw_staircase(gammas, flights, marks):
+    """Length of every flight of the completely inelastic ball on its attractor against Gamma."""
+    figure = Figure(figsize=(style.PAGE, 3.2), layout="constrained")
+    axes = figure.add_subplot()
+    for (words, values), lines in zip(marks.items(), ("--", "-.", ":"), strict=True):
+        axes.vlines(values, 0.0, 4.0, colors=style.GREY, linestyles=lines, lw=0.7, label=words)
+    across = np.broadcast_to(gammas[:, np.newaxis], flights.shape)
+    axes.plot(across, flights, ".", markersize=0.8, color=style.OKABE_ITO[0], rasterized=True)
+    axes.set(xlim=(gammas[0], gammas[-1]), ylim=(0.0, 3.5))
+    axes.set_xlabel("acceleration of the base $\\Gamma$ (g)")
+    axes.set_ylabel("length of a flight\n(forcing periods)")
+    style.head(axes, "completely inelastic ball, $e = 0$")
+    return figure
+
+
+# Published numbers for the ball on a moving base, computed again.
+
+TUFILLARO = "Tufillaro, Abbott and Reilly [1]"
+LIFT = "Tufillaro, Abbott and Reilly [2]"
+MEHTA = "closed form; the ball of Mehta and Luck [3]"
+CEDDIA = "Ceddia [4]"
+
+
+def cycles(e, gamma, workers, launches=1, duration=2e4):
+    """Impacts, periods and rests in each launch's cycle, regime, and whether that is uncertain."""
+    gamma = np.atleast_1d(gamma)
+    values = {
+        "restitution": np.full(gamma.size, e),
+        "amplitude": amplitude_of(e, gamma),
+        "contact_time": np.full(gamma.size, 1e-6),
+    }
+    found = measured(values, settled(launches, duration=duration), MOVING, workers)
+    names = ("cycle_impacts", "cycle_periods", "cycle_rests", "regime", "cycle_uncertain")
+    return np.stack([found[name] for name in names], axis=-1)
+
+
+def last_that(holds, low, high, width=1e-12):
+    """Largest Gamma at which a condition holds that holds at `low` and not at `high`."""
+    assert holds(low)
+    assert not holds(high)
+    while high - low > width * high:
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+def inelastic(workers):
+    """Ends of the steps of the completely inelastic ball, with their closed forms.
+
+    The flight after a rest lasts n periods at sqrt(1 + (pi n)^2); from there on the ball lands
+    where the base falls faster than g and leaves at once, on the orbit locked to n periods.
+    Flights from x_L to -x_L, plus whole periods, end at the height at which they began and so
+    last 2 Gamma sin(2 pi x_L) radians of phase: tan z = z with z = pi s, and Gamma = sqrt(1 + z^2).
+    From there on the ball lands again where the base presses on it.
+    """
+
+    def signature(gamma):
+        return tuple(cycles(0.0, gamma, workers)[0, 0, :3])
+
+    def step(n):
+        return lambda gamma: signature(gamma) == (1, n, 1)
+
+    rows = []
+    for n in (1, 2, 3):
+        exact = np.hypot(1.0, np.pi * n)
+        here = last_that(step(n), exact - 0.1, exact + 0.05)
+        rows.append((f"e = 0: a flight of {n} after each rest, up to", MEHTA, exact, here))
+        if n < 3:
+            z = tangent_root(n)
+            exact = np.hypot(1.0, z)
+            here = last_that(lambda g, n=n: not step(n + 1)(g), exact - 0.02, exact + 0.02)
+            rows.append(
+                (f"e = 0: flights of {n} to {n + 1} after each rest, from", MEHTA, exact, here)
+            )
+    return [(name, source, f"{there:.6f}", f"{here:.6f}") for name, source, there, here in rows]
+
+
+def tangent_root(n):
+    """Root of tan z = z between n pi and (n + 1/2) pi, from z = n pi + arctan z, a contraction."""
+    z = n * np.pi
+    for _ in range(60):
+        z = n * np.pi + np.arctan(z)
+    return z
+
+
+def doublings(workers):
+    """Amplitudes in cm of the first two period doublings of the orbit locked to one period.
+
+    The text names neither restitution nor frequency: 0.5, 60 Hz and 981 cm/s^2 are assumed.
+    """
+    per_gamma = 981.0 / (2.0 * np.pi * 60.0) ** 2  # cm
+
+    def doubled(times):
+        # 500,000 periods: orbits recur until the leading multiplier is within 1e-4 of -1
+        def holds(gamma):
+            found = cycles(0.5, gamma, workers, launches=8, duration=5e5)[0]
+            free = found[(found[:, 2] == 0) & (found[:, 0] > 0)]
+            return bool((free[:, 0] <= 2 ** (times - 1)).any())
+
+        return holds
+
+    rows = []
+    for times, there, low, high in ((1, 0.0106, 1.5, 1.54), (2, 0.0115, 1.62, 1.68)):
+        gamma = last_that(doubled(times), low, high, width=1e-6)
+        name = f"e = 0.5, 60 Hz: period {2 ** (times - 1)} doubles at"
+        rows.append((name, TUFILLARO, f"{there} cm", f"{gamma * per_gamma:.5f} cm"))
+    return rows
+
+
+def lift(workers):
+    """Largest Gamma at which a ball that has come to rest stays there."""
+
+    def stays(gamma):
+        return cycles(0.5, gamma, workers)[0, 0, 3] == 0
+
+    gamma = last_that(stays, 0.9, 1.1)
+    return [(r"a ball at rest leaves the base from $\Gamma$", LIFT, "1", f"{gamma:.9f}")]
+
+
+def cascade(workers):
+    """Cycles without rests at e = 0.5, where orbits of one and of three periods double."""
+    gamma = np.concatenate([np.linspace(1.4, 1.8, 4001), np.linspace(2.3, 2.45, 1501)])
+    found = cycles(0.5, gamma, workers, launches=4)
+    free = found[(found[..., 2] == 0) & (found[..., 0] > 0)]
+    seen = [str(n) for n in (1, 2, 4, 8, 16, 3, 6, 12) if n in free[:, 0]]
+    there = "1, 2, 4, 8, 16, 3, 6, 12"
+    return [("periods of cycles without rests (here: e = 0.5)", CEDDIA, there, ", ".join(seen))]
+
+
+def chaos(workers, duration=5e4, launches=100):
+    """List the recurrent orbits beyond the locked ones, and the lengths of their cycles."""
+    rows = []
+    for e in (0.5, 0.6, 0.7, 0.75, 0.8, 0.82, 0.84, 0.9):
+        cells = []
+        for found in cycles(e, (2.0, 3.0, 4.0), workers, launches, duration):
+            recurred = found[found[:, 0] > 0]
+            cell = f"{100 * len(recurred) / launches:.0f} %"
+            if recurred.size:
+                kinds, counts = np.unique(recurred, axis=0, return_counts=True)
+                impacts, periods, rests, _, uncertain = kinds[counts.argmax()]
+                assert rests == 1
+                cell += f": {impacts} in {periods}{' (?)' if uncertain else ''}"
+            aperiodic = np.mean(found[:, 3] == Regime.APERIODIC)
+            cells.append(f"{cell}; {100 * aperiodic:.0f} % aperiodic" if aperiodic else cell)
+        rows.append((e, *cells))
+    return table(("$e$", *(rf"$\Gamma = {one}$" for one in (2, 3, 4))), rows)
+
+
+def literature(workers):
+    """The table of published numbers and those computed here."""
+    rows = [*lift(workers), *doublings(workers), *inelastic(workers), *cascade(workers)]
+    return table(("what", "by", "there", "here"), rows)
+
+
+# The same scenes on both bases.
+
 PAGE = ROOT / "study" / "high-bounce.md"
 IMAGES = ROOT / "study" / "images"
-NAMES = ("at rest", "resting", "locked", "other")
 COUNT = 20_000
 
 
@@ -191,7 +460,7 @@ def plane(workers, options, size=72):
         .reshape(e.shape)
         for kind in kinds
     ]
-    keep(pictures.plane(e[0], gamma[:, 0], common, agreement), "high_bounce_plane", options)
+    keep(draw_plane(e[0], gamma[:, 0], common, agreement), "high_bounce_plane", options)
     bands = [(0.03, 0.1), (0.1, 0.3), (0.3, 1.0), (1.0, 2.0), (2.0, 6.0)]
     rows = []
     for low, high in bands:
@@ -289,7 +558,7 @@ def limit(workers, _options):
 
 def limit_table(workers, options):
     gammas, curves = limit(workers, options)
-    keep(pictures.limit(gammas, curves), "high_bounce_limit", options)
+    keep(draw_limit(gammas, curves), "high_bounce_limit", options)
     rows = []
     for u, off in curves.items():
         order = np.log(off[4] / off[0]) / np.log(gammas[4] / gammas[0])
@@ -323,7 +592,7 @@ def published(workers, options):
         r"$\sqrt{4 + \pi^2 n^2}$": np.hypot(2.0, np.pi * n),
         r"$\sqrt{1 + z^2}$, $\tan z = z$": np.hypot(1.0, [tangent_root(one) for one in n]),
     }
-    keep(pictures.staircase(gamma, flights, marks), "inelastic_staircase", options)
+    keep(draw_staircase(gamma, flights, marks), "inelastic_staircase", options)
     return literature(workers)
 
 

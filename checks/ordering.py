@@ -13,24 +13,151 @@ import itertools
 import time
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
 from PIL import Image
 
-import ordering_pictures as pictures
 from accuracy import provenance, table, write_section
 from one_slot import pair_gaps, pattern, pattern_orbit
-from ordering_scenes import (
-    BUNCHED,
-    GAMMA,
-    STAGGERED,
-    E,
-    modes,
-    outcomes,
-    phase_of,
-    scene,
-)
+from vibrosweep import simulate
 from vibrosweep.errors import ParameterError
+from vibrosweep.figures import style
+from vibrosweep.theory import sprung as coupled_theory
 from vibrosweep.theory.sprung import CoupledBase, spectral_radius, staggered, steepness
+
+# Scenes that ordering.py computes with the engine, and the outcomes of their particles.
+
+E, GAMMA, GRAVITY = 0.9, 0.6, 9.81
+STAGGERED, BUNCHED, OTHER, UNLOCKED, DEAD = range(5)
+WINDOW = 40.0  # periods at the end in which an outcome is judged
+CONTACT_TIME = 1e-2  # s; the shorter, the longer particles chatter before they rest
+NEAR = 0.3  # periods by which flights of a bunch may differ from their mode
+
+
+def scene(launch, mass_ratio, natural, damping, k=2, duration=400.0):
+    """Every landing, times in periods; mass_ratio and natural are arrays over realizations."""
+    return simulate(
+        base="sprung",
+        restitution=E,
+        base_acceleration=GAMMA,
+        launch_velocity=k * GRAVITY / 2.0,
+        launch_time=np.asarray(launch),
+        mass_ratio=np.asarray(mass_ratio),
+        mount_frequency=np.asarray(natural),
+        mount_damping=damping,
+        contact_time=CONTACT_TIME,
+        duration=duration,
+    )
+
+
+def phase_of(k, mass_ratio=0.0, natural=0.37, damping=0.05):
+    """Phase of landing of a single particle in mode k."""
+    return float(coupled_theory.landing_phase(GAMMA, k, E, mass_ratio, natural, damping))
+
+
+def modes(landings):
+    """Mode in which each particle is locked at the end; 0 if it is in none, -1 if it lands no more.
+
+    Returns
+    -------
+    mode, last
+        Shape (realization, particle): mode, and time of the last landing.
+    """
+    times, rested = landings["landing_time"].values, landings["rested"].values
+    late = times > float(landings["duration"]) - WINDOW
+    last = np.nanmax(np.where(late, times, -np.inf), axis=-1)
+    flights = np.where(late[..., :-1], np.diff(times, axis=-1), np.nan)
+    count = np.maximum(np.isfinite(flights).sum(axis=-1), 1)
+    mode = np.rint(np.nansum(flights, axis=-1) / count)
+    off = np.abs(flights - mode[..., np.newaxis])
+    held = ~(off > NEAR).any(axis=-1) & ~(late & (rested == 1)).any(axis=-1) & (mode > 0)
+    return np.where(np.isfinite(last), np.where(held, mode, 0), -1), last
+
+
+def outcomes(landings, k=2):
+    """Final state of the particles of each realization; shape (realization,).
+
+    Staggered: all in mode k, equally many in each slot; bunched: all in one slot.
+    """
+    mode, last = modes(landings)
+    middle = phase_of(k) - 0.5  # a slot begins half a period before the landings
+    slot = np.floor(np.where(np.isfinite(last), last, 0.0) - middle) % k
+    found = np.full(mode.shape[0], UNLOCKED)
+    found[(mode == -1).all(axis=1)] = DEAD
+    found[(mode > 0).all(axis=1)] = OTHER
+    in_mode = (mode == k).all(axis=1)
+    even = (np.array([(slot == one).sum(axis=1) for one in range(k)]) == slot.shape[1] / k).all(
+        axis=0
+    )
+    found[in_mode & even] = STAGGERED
+    found[in_mode & (slot == slot[:, :1]).all(axis=1)] = BUNCHED
+    return found
+
+
+# Pictures of study/ordering.md.
+
+KINDS = ("staggered", "bunched", "other modes", "not locked", "at rest")
+OF_KIND = (style.OKABE_ITO[0], style.OKABE_ITO[1], style.OKABE_ITO[5], "0.85", "0.45")
+
+
+@mpl.rc_context(style.RC)
+def draw_stability(natural, load, panels):
+    """Spectral radius of staggered orbits over natural frequency and mass, with resonances."""
+    figure = Figure(figsize=(style.PAGE, 5.0), layout="constrained")
+    grid = figure.subplots(2, 2, sharex=True, sharey=True)
+    for axes, (k, particles, damping, values, tips) in zip(grid.flat, panels, strict=True):
+        drawn = axes.pcolormesh(
+            natural, load, values, cmap="RdBu_r", vmin=0.9, vmax=1.1, rasterized=True
+        )
+        axes.contour(natural, load, values, [1.0], colors="k", linewidths=0.8)
+        axes.plot(tips, np.full(tips.shape, load[0]), "^", color="k", markersize=5, clip_on=False)
+        many = "one particle" if particles == 1 else f"{particles} particles in {k} slots"
+        axes.set_title(f"{many}, $k = {k}$, $\\zeta = {damping:g}$")
+        axes.set(xscale="log", yscale="log")
+    for axes in grid[1]:
+        axes.set_xlabel("natural frequency of the mount $f_0/f$")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("mass of all particles $N\\mu$")
+    bar = figure.colorbar(drawn, ax=grid, extend="both")
+    bar.set_label("spectral radius per period")
+    return figure
+
+
+@mpl.rc_context(style.RC)
+def draw_attractors(natural, load, maps, edge):
+    """Commonest outcome over natural frequency and mass, with the limit of linear stability."""
+    figure = Figure(figsize=(style.PAGE, 3.0), layout="constrained")
+    panels = figure.subplots(1, len(maps), sharex=True, sharey=True)
+    codes = {"cmap": ListedColormap(OF_KIND), "norm": BoundaryNorm(np.arange(6) - 0.5, 5)}
+    for axes, (words, kinds) in zip(panels, maps.items(), strict=True):
+        drawn = axes.pcolormesh(natural, load, kinds, rasterized=True, **codes)
+        axes.contour(natural, load, np.nan_to_num(edge, nan=9.0), [1.0], colors="k", linewidths=0.8)
+        axes.set(xscale="log", yscale="log", title=words)
+        axes.set_xlabel("natural frequency $f_0/f$")
+    panels[0].set_ylabel("mass of both particles $2\\mu$")
+    figure.colorbar(drawn, ax=panels, ticks=range(5)).ax.set_yticklabels(KINDS)
+    return figure
+
+
+@mpl.rc_context(style.RC)
+def draw_phases(cases, times, slot):
+    """Phase of every landing against time, one panel for each case; colours by slot of launch."""
+    figure = Figure(figsize=(style.PAGE, 5.6), layout="constrained")
+    panels = figure.subplots(len(cases), 1, sharex=True, sharey=True)
+    for axes, (load, natural), landings in zip(panels, cases, times, strict=True):
+        for own, place in zip(landings, slot, strict=True):
+            colour = style.OKABE_ITO[place]
+            axes.plot(own, own % 1.0, ".", markersize=2.0, color=colour, rasterized=True)
+        axes.set_title(f"$N\\mu = {load:g}$, $f_0/f = {natural:g}$")
+        axes.set_ylim(0.15, 0.65)
+    figure.supylabel("phase of landing (turns)", fontsize=9.0)
+    panels[-1].set_xlabel("time (forcing periods)")
+    return figure
+
+
+# Tables and pictures.
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "study" / "ordering.md"
@@ -115,7 +242,7 @@ def stability(options):
         rows.append((k, particles, damping, percent(exists), percent(attracts / exists)))
         tips = (np.arange(9) + turn(k)) / k
         panels.append((k, particles, damping, values, tips[tips < natural[-1]]))
-    keep(pictures.stability(natural, load, panels), "ordering_stability", options)
+    keep(draw_stability(natural, load, panels), "ordering_stability", options)
     return table((*ORBIT, "orbit exists", "of these, attracts"), rows)
 
 
@@ -196,8 +323,8 @@ def attractors(options):
             shares = counts[:, inside].sum(axis=1) / (inside.sum() * len(launches))
             rows.append((words, f"{low:g} to {high:g}", *(percent(share) for share in shares)))
     edge = np.array([[radius(m, f, 0.05, 2, 2) for f in natural] for m in load])
-    keep(pictures.attractors(natural, load, maps, edge), "ordering_attractors", options)
-    head = ("two particles", LOAD, *pictures.KINDS)
+    keep(draw_attractors(natural, load, maps, edge), "ordering_attractors", options)
+    head = ("two particles", LOAD, *KINDS)
     return table(head, rows)
 
 
@@ -216,7 +343,7 @@ def crowds(options):
             percent(stays[(load >= low) & (load < high)].mean())
             for low, high in itertools.pairwise(BANDS)
         )
-        rows.append((pictures.KINDS[kind], particles, damping, *shares))
+        rows.append((KINDS[kind], particles, damping, *shares))
     bands = (f"{LOAD} {low:g} to {high:g}" for low, high in itertools.pairwise(BANDS))
     rows = short(rows, options, lambda row: row[1] != 6 and row[2] in (0.05, 0.8))
     return table(("launched and stays", "$N$", DAMPING, *bands), rows)
@@ -237,7 +364,7 @@ def phases(options):
         counts = (np.count_nonzero(mode == k) for k in (2, 1, 0, -1))
         width = "" if np.isnan(spread) else f"{spread:.3f}"
         rows.append((f"{load:g}", natural, *counts, width))
-    keep(pictures.phases(cases, times, slot), "ordering_phases", options)
+    keep(draw_phases(cases, times, slot), "ordering_phases", options)
     head = (LOAD, FREQUENCY, "locked to 2", "to 1", "not locked", "at rest", "width of a bunch")
     return table(head, rows)
 

@@ -13,7 +13,7 @@ import pytest
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels._numba import Listener, lost
 
-LIMIT = 100
+LIMIT = 62
 
 
 class Compilations(Listener):
@@ -36,6 +36,9 @@ class Compilations(Listener):
             seconds = time.thread_time() - self.began
             self.note(f"{function.__module__}.{function.__name__}", types, self.test, seconds)
 
+    def too_many(self, config):
+        return len(self.caused) > LIMIT and not config.getoption("--machine-code")
+
     def note(self, function, types, test, seconds):
         self.caused.setdefault((function, types), (test, seconds))
 
@@ -54,7 +57,7 @@ class Compilations(Listener):
         if hasattr(session.config, "workeroutput"):  # a worker of pytest-xdist
             rows = [(*kernel, *cause) for kernel, cause in self.caused.items()]
             session.config.workeroutput["compilations"] = rows
-        elif len(self.caused) > LIMIT:
+        elif self.too_many(session.config):
             session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
     def pytest_terminal_summary(self, terminalreporter, config):
@@ -62,7 +65,7 @@ class Compilations(Listener):
         if any("event" in name for name in lost):
             write("this numba does not say what it compiles: kernels are not counted")
             return
-        count, many = len(self.caused), len(self.caused) > LIMIT
+        count, many = len(self.caused), self.too_many(config)
         if many or config.getoption("compilations"):
             for (function, types), (test, seconds) in sorted(self.caused.items()):
                 write(f"{seconds:5.1f} s {function.rpartition('.')[2]}, by {test}: {types}")

@@ -28,8 +28,6 @@ settings.load_profile("repeatable")
 # Compiling makes many objects and little garbage; the command line sets the same threshold.
 gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
 
-general.in_tests()
-
 # Background jobs of a shell ignore SIGINT, and so would the commands that tests start there.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -53,9 +51,13 @@ def pytest_xdist_make_scheduler(config, log):
 
 def pytest_addoption(parser):
     parser.addoption("--compilations", action="store_true", help="list the compiled kernels")
+    parser.addoption(
+        "--machine-code", action="store_true", help="compile all that the engine would compile"
+    )
 
 
 def pytest_configure(config):
+    general.in_tests(machine_code=config.getoption("--machine-code"))
     compilations = Compilations()
     config.pluginmanager.register(compilations)
     register("numba:compile", compilations)
@@ -67,6 +69,14 @@ def workers():
 
     with Workers(2) as pool:
         yield pool
+
+
+@pytest.fixture(scope="module")
+def plain_pieces():
+    """Call pieces of kernels in plain Python, which needs no compiler."""
+    general.PIECES.append(__name__)
+    yield
+    general.PIECES.clear()
 
 
 @pytest.fixture

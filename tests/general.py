@@ -5,11 +5,13 @@ which gives the same bits.  Over the high-bounce base, with constant restitution
 and the statistics of every sweep, the tests use all of it; elsewhere that which serves every case.
 Noise of some kinds is computed by the machine code of all kinds, with strengths of 0; landings are
 the same to the bit, and means add the same numbers in other partial sums.
-Pieces of kernels that a test in `tests/kernels` calls run as plain Python, which gives the same
-bits.  `tests/kernels/test_machine_code.py` and `tests/kernels/test_bases.py` compare them.
+Kernels of the scenes in `PLAIN` run as plain Python, which gives the same bits, and so do pieces of
+kernels that a test in `tests/kernels` calls.  `tests/kernels/test_machine_code.py` and
+`tests/kernels/test_bases.py` compare them; `python -m pytest --machine-code` compiles everything.
 """
 
-from functools import cache, wraps
+import threading
+from functools import wraps
 
 import numba
 import numpy as np
@@ -17,11 +19,13 @@ import numpy as np
 from vibrosweep.analysis import conditions
 from vibrosweep.engine import landings, measure
 from vibrosweep.kernels import _jit
-from vibrosweep.kernels._jit import as_python
 from vibrosweep.kernels.bases.high_bounce import HighBounce
+from vibrosweep.kernels.bases.moving import Moving, MovingHarmonics, MovingParabolic
+from vibrosweep.kernels.coupled.realizations import Coupled
 from vibrosweep.kernels.cycles import CYCLE, empty_rests
 from vibrosweep.kernels.restitution import Rest
-from vibrosweep.kernels.statistics import KINDS
+from vibrosweep.kernels.statistics import KINDS, KINDS_COUPLED
+from vibrosweep.model.parameters import Mounts
 
 FITTED, ADVANCE, CALL = measure.fitted, measure.advance, _jit.Deferred.__call__
 BATCH_OF = measure.batch_of
@@ -55,32 +59,110 @@ def fitted(base, problem):
     return base
 
 
-plain = cache(as_python)
+class Here(threading.local):
+    """Whether this thread is inside of a kernel that runs as plain Python."""
+
+    inside = False
+
+
+here, PIECES = Here(), []  # tests in `tests/kernels` put an item into the list
+one_rounding = numba.njit(lambda a, b, c: _jit.fma(a, b, c))
+
+
+CLOSED = {"find_closed", "correct", "put_values", "describe"}
+FIXED = {"find_fixed", "end_errors", "conditions", "orbits_hold"}
+EVERYTHING = {"record", "sweep", "observe", "separate", "find_order", "settle", "trust"}
+# By the types of a scene, what runs as plain Python
+PLAIN = {
+    "Reflect": {"find_order", "shortest_flights"},
+    "Plastic": FIXED | CLOSED,
+    "Viscoelastic": FIXED | {"observe", "record"},
+    "Points": EVERYTHING | FIXED | CLOSED,
+    "Kind": EVERYTHING - {"record"},  # a law from outside the package
+    "Harmonics": FIXED | CLOSED - {"find_closed"} | {"settle"},
+    "MovingHarmonics": (EVERYTHING | FIXED | CLOSED) - {"record"},
+    "MovingParabolic": EVERYTHING | FIXED | CLOSED,
+    "Parabolic": EVERYTHING | FIXED | CLOSED,
+    "Noise": {"settle", "trust"},
+}
+# The same over a base of finite mass
+PLAIN_JOINTLY = {"Plastic": {"record", "sweep"}, "Mounts": {"observe"}}
+
+
+def asked(function, arguments):
+    """Return what a kernel computes, and of which scene."""
+    name, scene = function.py_func.__name__, arguments
+    for argument in arguments:
+        base = getattr(argument, "base", argument)
+        if isinstance(base, HighBounce | Moving | MovingHarmonics | MovingParabolic):
+            scene = base
+        elif isinstance(argument, Coupled):
+            scene = argument.mounts
+    if name == "advance":
+        options, found = arguments[2], arguments[5]
+        more = len(found.kinds) > len(KINDS)
+        name = "record" if options.observer is not None else "observe" if more else "sweep"
+    elif name == "advance_coupled":
+        more = len(arguments[5].realizations.kinds) > len(KINDS_COUPLED)
+        name = "observe" if more else "sweep"
+    return name, scene
+
+
+def compiled(function, arguments):
+    """Return whether tests run a kernel, or a piece of one, as machine code."""
+    if function._compiler is _jit.ALONE:
+        return not PIECES
+    name, scene = asked(function, arguments)
+    rules = PLAIN_JOINTLY if isinstance(scene, Mounts) else PLAIN
+    kinds = type(scene).__name__, *(type(part).__name__ for part in scene)
+    return not any(name in rules.get(kind.partition("_")[0], ()) for kind in kinds)
+
+
+def plain(function, *arguments):
+    """Call a function with the floats of numpy, which divide by zero as machine code does."""
+    result = function.py_func(*[np.float64(a) if type(a) is float else a for a in arguments])
+    if isinstance(result, tuple):
+        return _jit._of_numpy(result)
+    return np.float64(result) if type(result) is float else result
 
 
 def call(function, *arguments):
-    """Call a piece of a kernel in plain Python, and a kernel as it is."""
-    if function._compiler is _jit.ALONE:
-        return plain(function.py_func)(*arguments)
-    return CALL(function, *arguments)
+    """Call a kernel or a piece of one as machine code or as plain Python."""
+    if here.inside:
+        return plain(function, *arguments)
+    if compiled(function, arguments):
+        return CALL(function, *arguments)
+    here.inside = True
+    try:
+        with np.errstate(all="ignore"):
+            return plain(function, *arguments)
+    finally:
+        here.inside = False
 
 
 def evaluate(intrinsic, *arguments):
     """Do what an instruction does of which there is no function."""
-    return _jit._fma_exact(*arguments) if intrinsic is _jit.fma else None
+    return np.float64(one_rounding(*arguments)) if intrinsic is _jit.fma else None
 
 
-def in_tests():
-    """Take general machine code in this process."""
-    measure.advance, measure.fitted = advance, fitted
-    measure.batch_of = landings.batch_of = conditions.batch_of = batch_of
+def in_tests(machine_code=False):
+    """Take general machine code in this process, and plain Python for rare scenes.
 
-
-def plain_pieces(monkeypatch):
-    """Call pieces of kernels in plain Python."""
+    With `machine_code`, take what the engine chooses, apart from pieces that a test calls.
+    """
+    if machine_code:
+        PLAIN.clear()
+        PLAIN_JOINTLY.clear()
+    else:
+        measure.advance, measure.fitted = advance, fitted
+        measure.batch_of = landings.batch_of = conditions.batch_of = batch_of
     if not numba.config.DISABLE_JIT:
-        monkeypatch.setattr(_jit.Deferred, "__call__", call)
-        monkeypatch.setattr(type(_jit.fma), "__call__", evaluate)
+        _jit.Deferred.__call__, type(_jit.fma).__call__ = call, evaluate
+
+
+def everything_plain(monkeypatch):
+    """Compile nothing until the test ends."""
+    monkeypatch.setattr(f"{__name__}.compiled", lambda function, arguments: False)
 
 
 def as_the_engine_chooses(monkeypatch):

@@ -23,9 +23,9 @@ from PIL import Image, ImageDraw
 
 import crashes
 import definitions
-import high_bounce_pictures
-import noise_pictures
-import ordering_pictures
+import high_bounce_cost
+import noise
+import ordering
 import page_commands
 import redrawn
 import resumes
@@ -123,9 +123,9 @@ def test_recipes_name_files_that_exist():
 @pytest.mark.parametrize(
     ("draw", "numbers"),
     [
-        (high_bounce_pictures.limit, (np.array([0.1, 1.0]), {1.0: np.ones((2, 2))})),
-        (noise_pictures.staggering, ({kind: ([0.1, 1], [1, 0]) for kind in noise_pictures.WORDS},)),
-        (ordering_pictures.phases, ([(0.1, 0.4)] * 2, np.zeros((2, 1, 3)), [0])),
+        (high_bounce_cost.draw_limit, (np.array([0.1, 1.0]), {1.0: np.ones((2, 2))})),
+        (noise.staggering, ({kind: ([0.1, 1], [1, 0]) for kind in noise.WORDS},)),
+        (ordering.draw_phases, ([(0.1, 0.4)] * 2, np.zeros((2, 1, 3)), [0])),
     ],
 )
 def test_campaigns_draw_their_pictures(draw, numbers, tmp_path):

@@ -426,9 +426,9 @@ def test_windows_hold_the_base_acceleration_and_how_times_were_given():
 
 def test_windows_under_a_law_of_restitution():
     """k - E(k) <= a <= sqrt((k - E(k))^2 + ((1 + q)/pi)^2), in units of g / 2 f."""
-    speed, scan = 0.4, list(np.linspace(0.05, 1.5, 30))
+    speed, scan, loose = 0.4, list(np.linspace(0.05, 1.5, 4)), 1e-6
     found = windows(
-        gravity=2.0, frequency=1.0, restitution=[0.7, 0.9], amplitude=scan,
+        gravity=2.0, frequency=1.0, restitution=[0.8], amplitude=scan, tolerance=loose,
         restitution_law="plastic", restitution_speed=speed, conditions=["locked(1)", "locked(2)"],
     )  # fmt: skip
     k, e = np.array([[1.0], [2.0]]), found.restitution.values
@@ -437,9 +437,9 @@ def test_windows_under_a_law_of_restitution():
     for name, known in zip(("A_min", "A_max"), ends, strict=True):
         one, width = (found[n].values[:, 0, :, 0] for n in (name, f"{name}_bracket"))
         assert (np.abs(one - known) <= 0.5 * width * (1.0 + 1e-6)).all()
-        assert (width <= 1e-9 * one).all()
+        assert (width <= loose * one * (1.0 + 1e-6)).all()
     assert (found.window_count == 1).all()
-    tone = {"waveform": {"harmonics": [[1, 1.0, 0.0]]}, "restitution": [0.7, 0.9]}
+    tone = {"waveform": {"harmonics": [[1, 1.0, 0.0]]}, "restitution": [0.8]}
     tone |= {"restitution_law": "plastic", "restitution_speed": speed, "gravity": 2.0}
     again = windows(**tone, amplitude=scan, conditions=["locked(1)", "locked(2)"])
     for name, known in zip(("A_min", "A_max"), ends, strict=True):

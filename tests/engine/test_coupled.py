@@ -1,5 +1,6 @@
 """Particles on a base of finite mass, and theory of bases that move."""
 
+import inspect
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,6 @@ from vibrosweep.engine.coupled import measure_coupled, standard_error
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers
-from vibrosweep.kernels._jit import uncounted
 from vibrosweep.kernels.bases import Instant
 from vibrosweep.kernels.bases.sprung import bounds, loaded, mount, side_at, velocity
 from vibrosweep.kernels.coupled.events import EVENT, MODE, NOW, PARTICLE, let_pass, locate, system
@@ -40,6 +40,8 @@ from vibrosweep.scene.scene import Scene
 from vibrosweep.scene.sweep import keyword_spec
 from vibrosweep.theory import sprung as coupled_theory
 from vibrosweep.theory.sprung import CoupledBase, monodromy, spectral_radius, staggered
+
+pytestmark = pytest.mark.usefixtures("plain_pieces")
 
 # Particles on a base of finite mass: massless particles, conserved momentum, and measures.
 
@@ -410,7 +412,6 @@ class Neighbours:
     landings: int  # during the motion
 
 
-@uncounted
 def carry(state, problem, mounts, i, periods, rode, deviations):
     """Advance a state, and deviations from it, by some forcing periods.
 
@@ -625,11 +626,10 @@ def test_standard_error_of_growth_that_adds_up_and_of_shifts_at_ends_of_blocks(w
     rng, rows, events = np.random.default_rng(6), 1000, 2000
     turned = np.diff(rng.normal(0.0, ends, (rows, events + 1)), axis=1)
     growth = rng.normal(0.0, walk, (rows, events)) + turned
-    waves = np.zeros((rows, WAVES))
-    for i in range(rows):
-        for k, one in enumerate(growth[i]):
-            _add_waves(one, (k + 0.5) / events, waves[i])
-    error = standard_error(growth.reshape(rows, BLOCKS, -1).sum(axis=2), waves)
+    waves, add = np.zeros((WAVES, rows)), inspect.unwrap(_add_waves)
+    for k in range(events):
+        add(growth[:, k], (k + 0.5) / events, waves)
+    error = standard_error(growth.reshape(rows, BLOCKS, -1).sum(axis=2), waves.T)
     scatter = np.sqrt(events * walk**2 + 2.0 * ends**2)
     # slow waves of 2000 events hold (2 pi)^2 7.5 t^2 / 2000 = 0.15 t^2 of the ends' variance 2 t^2
     assert np.sqrt(np.mean(error**2)) == pytest.approx(scatter, rel=0.06)

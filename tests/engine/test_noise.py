@@ -7,9 +7,10 @@ import pytest
 
 import vibrosweep as vs
 from tests.cases import each_of
-from tests.general import BATCH_OF
+from tests.general import BATCH_OF, everything_plain
 from tests.scenes import STILL
 from vibrosweep.engine import landings
+from vibrosweep.kernels.bases import high_bounce
 from vibrosweep.kernels.noise import OF_DRIVE, OF_KICK, OF_RESTITUTION, deviate, key_of
 
 ALL = {"restitution_noise": 0.05, "kick_noise": 0.1, "drive_noise": 0.4}
@@ -159,10 +160,10 @@ def test_lift_offs_from_a_moving_base_are_those_of_the_definition():
 
 def test_exponents_along_the_path():
     """About a locked orbit they are those of its multipliers; here their sum is 2 ln e."""
-    scene = {"restitution": 0.9, "amplitude": [1.2, 9.0], "duration": 4000.0}
+    scene = {"restitution": 0.9, "amplitude": 1.2, "duration": 400.0}
     scene |= {"launch_velocity": 4.905, "launch": [0.4329824], "base": "moving", "lyapunov": True}
     noise = {"kick_noise": 1e-3, "restitution_noise": 1e-4}
-    still, found = (vs.sweep(**scene, **more).isel(amplitude=0) for more in ({}, noise))
+    still, found = (vs.sweep(**scene, **more) for more in ({}, noise))
     assert found.regime.item() == -1
     assert "never repeats" in found.notes
     assert found.cycle_periods.item() == 0
@@ -208,8 +209,10 @@ def test_machine_code_for_one_kind_of_noise_follows_the_definition(monkeypatch):
             assert landed[~np.isnan(landed)] == pytest.approx(known, abs=1e-10)
 
 
-def test_a_rest_without_end_is_abandoned():
+def test_a_rest_without_end_is_abandoned(monkeypatch):
     """A deviate above 8.4 would lift the particle of the first sweep; none exceeds 8.4908."""
+    everything_plain(monkeypatch)
+    monkeypatch.setattr(high_bounce, "LONGEST", 300)
     scene = {**UNITS, **STILL, "restitution": 0.0, "contact_time": 0.1, "drive_noise": 1.0}
     found = vs.sweep(**scene, amplitude=0.1 / 9.4, launch_velocity=1.0, duration_periods=1e12)
     assert vs.Status(found.status.item()) == vs.Status.BUDGET_EXCEEDED

@@ -2,7 +2,6 @@
 
 import pytest
 
-from tests import general
 from vibrosweep.kernels.bases import constants
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.model.parameters import dimensionless
@@ -21,7 +20,5 @@ def constants_of(parameters):
 
 
 @pytest.fixture(autouse=True, scope="module")
-def plain_pieces():
-    with pytest.MonkeyPatch.context() as patch:
-        general.plain_pieces(patch)
-        yield
+def _plain(plain_pieces):
+    """Do so in all tests of kernels."""

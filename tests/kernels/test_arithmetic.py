@@ -10,11 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
+from elementary_error import STATED, check_schemes, families, prove, sample
 from proved_pieces import sine
 from tests.cases import each_of
 from vibrosweep.kernels import arithmetic, noise
 from vibrosweep.kernels._jit import kernel
 from vibrosweep.kernels.arithmetic import (
+    HALF_ULP,
     LAG_ERROR,
     SINE_ERROR,
     rough_lag_and_versine,
@@ -32,12 +34,12 @@ QUARTERS = np.array([0.0, 0.125, 0.25, 0.375, 0.5])
 def phases():
     """Phases everywhere, next to each fold and zero, and tiny; `checks/sine_error.py` has more."""
     rng = np.random.default_rng(5)
-    steps = np.arange(-300, 301)[:, np.newaxis]
+    steps = np.arange(-75, 76)[:, np.newaxis]
     near = (QUARTERS + steps * np.spacing(np.maximum(QUARTERS, 2.0**-60))).ravel()
     near = near[(near >= 0.0) & (near <= 0.5)]
-    tiny = np.concatenate([2.0 ** -np.arange(1.0, 1075.0), 10.0 ** rng.uniform(-300, -1, 2_000)])
-    folded = 0.5 - 10.0 ** rng.uniform(-16, -1, 2_000)
-    positive = np.concatenate([near, tiny, folded, rng.uniform(0.0, 0.5, 15_000)])
+    tiny = np.concatenate([2.0 ** -np.arange(1.0, 1075.0), 10.0 ** rng.uniform(-300, -1, 500)])
+    folded = 0.5 - 10.0 ** rng.uniform(-16, -1, 500)
+    positive = np.concatenate([near, tiny, folded, rng.uniform(0.0, 0.5, 4_000)])
     return np.concatenate([positive, -positive])
 
 
@@ -48,7 +50,7 @@ def compared():
     The place is that of the double nearest to the exact value.
     """
     x = phases()
-    assert x.size > 40_000
+    assert x.size > 10_000
     found = np.array([sin_turns(turns) for turns in x.tolist()])
     exact, error = np.empty(x.size), np.empty(x.size)
     for i, (turns, value) in enumerate(zip(x.tolist(), found.tolist(), strict=True)):
@@ -181,14 +183,16 @@ def test_an_array_and_its_single_numbers_give_the_same_bits():
     assert found.tolist() == [number(one) for one in x]
 
 
-def test_proved_bounds():
-    pytest.importorskip("flint")
-    from elementary_error import STATED, check_schemes, families, prove, sample
-    from vibrosweep.kernels.arithmetic import HALF_ULP
+def test_errors_of_the_elementary_functions_are_below_those_stated():
+    for name, arguments in families(300, seed=3).items():
+        assert sample(name, arguments) <= STATED[name] / HALF_ULP
 
+
+@pytest.mark.weekly
+def test_proved_bounds():
     check_schemes()
     proved = prove()
-    for name, arguments in families(300, seed=3).items():
+    for name, arguments in families(100, seed=3).items():
         assert (
             sample(name, arguments) <= proved[name] <= STATED[name] / HALF_ULP <= 1.1 * proved[name]
         )

@@ -13,9 +13,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from proved_pieces import step
-from tests.cases import each_of
 from tests.general import as_the_engine_chooses
-from vibrosweep import simulate, theory
 from vibrosweep.kernels import bases
 from vibrosweep.kernels._jit import jit
 from vibrosweep.kernels.arithmetic import COSINE_ERROR, HALF_ULP, ROUNDING
@@ -252,7 +250,7 @@ def test_an_unknown_base_is_named(ask, wrong):
 
 # One impact against proved balls, and the two decisions that follow it.
 
-STATES = 3_000  # checks/map_error.py draws millions
+STATES = 600  # checks/map_error.py draws millions
 HALF_ULP_IMPACT = 2.0**-53
 SINE_ERROR = 2.4e-16  # see test_sine.py
 
@@ -296,29 +294,8 @@ def test_a_rebound_is_rounded_as_its_terms_are(impacts):
 
 
 def test_reflect_turns_a_particle_back(impacts, constants_of):
-    for (e, a, _, u), (phase, _, w), _ in impacts[:2000]:
+    for (e, a, _, u), (phase, _, w), _ in impacts:
         assert rebound(constants_of("reflect", e, a), phase, u) == abs(w)
-
-
-def test_the_determinant_of_an_impact_is_the_restitution(impacts, constants_of):
-    h = 2.0**-18
-    for (e, a, x, u), _, _ in impacts:
-        if u > 100.0 or a > 10.0:
-            continue
-        fixed = constants_of("rest", e, a)
-
-        def image(dx, du, fixed=fixed, x=x, u=u):
-            # the phase may leave the reduced interval by h, which the map allows
-            hit = impact(fixed, 0.0, x + dx, u + du)
-            return hit.x + hit.n, rebound(fixed, hit.x, hit.v)
-
-        right, left, up, down = image(h, 0.0), image(-h, 0.0), image(0.0, h), image(0.0, -h)
-        by_x = [(p - q) / (2 * h) for p, q in zip(right, left, strict=True)]
-        by_u = [(p - q) / (2 * h) for p, q in zip(up, down, strict=True)]
-        determinant = by_x[0] * by_u[1] - by_x[1] * by_u[0]
-        # central differences leave (2 pi)^3 a h^2 / 6 in each slope, which cancel in the
-        # determinant of the exact map; rounding of values up to e u + a leaves their ulp over h
-        assert determinant == pytest.approx(e, rel=0, abs=1e-15 * (u + 10 * a + 1) / h)
 
 
 @pytest.fixture
@@ -354,116 +331,3 @@ def test_whole_periods_do_not_change_a_landing():
             later = whole + u
             kept = later - whole  # u as rounded in a double of that size
             assert land(0.2, later) == (land(0.2, kept)[0], land(0.2, kept)[1] + whole)
-
-
-# Locked orbits of the kernel against their closed forms, and the determinant of any orbit.
-
-FORCING = {"frequency": 1.7, "gravity": 9.81}
-
-
-def flights_locked(found):
-    """Phases of impact in turns, and flight times in forcing periods, of the only particle."""
-    one = found[{"realization": 0, "particle": 0}]
-    f, g = one.frequency.item(), one.gravity.item()
-    turns = one.landing_time.values * f + one.phase.item() / (2.0 * math.pi)
-    return turns - np.rint(turns), one.rebound_velocity.values * 2.0 * f / g
-
-
-@each_of("rebound", ["rest", "reflect"])
-@each_of("k", [1, 2, 3, 4])
-@each_of("e", [0.8, 0.9])
-def test_a_locked_orbit_attracts_to_its_closed_form(k, e, rebound):
-    low, high = theory.amplitude_min(k, e, **FORCING), theory.amplitude_max(k, e, **FORCING)
-    amplitude, phi = float(low + 0.5 * (high - low)), 0.3
-    x = float(theory.locked_phase(k, e, amplitude, **FORCING))
-    impacts = 600  # errors of 1e-3 shrink by sqrt(e) each: 0.9^300 1e-3 = 2e-17
-    found = simulate(
-        restitution=e,
-        amplitude=amplitude,
-        phase=phi,
-        launch_velocity=float(theory.locked_velocity(k, **FORCING)) * 1.002,
-        launch_time=(x - 1e-3 - phi / (2.0 * math.pi)) / FORCING["frequency"],
-        duration=impacts * k / FORCING["frequency"],
-        rebound=rebound,
-        **FORCING,
-    )
-    phase, flight = flights_locked(found)
-    assert not found.rested.any()
-    assert phase.size in (impacts - 1, impacts)
-    assert abs(phase[0] - x) > 1e-4
-    # 2400 periods are rounded to 3e-13
-    assert phase[-5:] == pytest.approx(x, rel=0, abs=1e-12)
-    assert flight[-5:] == pytest.approx(k, rel=2e-12)
-    height = found.rebound_velocity.values[0, 0, -5:] ** 2 / (2.0 * FORCING["gravity"])
-    assert height == pytest.approx(float(theory.locked_height(k, **FORCING)), rel=4e-12)
-
-
-@pytest.mark.parametrize("k", [1, 3])
-@pytest.mark.parametrize(("side", "grows"), [(-1, False), (1, True)])
-def test_the_upper_edge_divides_decay_from_growth(k, side, grows):
-    e, relative = 0.9, 1e-7
-    # an alternation of 1e-6 is far above rounding (1e-16 per impact), and small enough for its
-    # own square, 1e-12, not to move the edge by 1e-7; in 20,000 impacts it changes by 1e-3
-    impacts, alternation = 20_000, 1e-6
-    amplitude = float(theory.amplitude_max(k, e)) * (1.0 + side * relative)
-    found = simulate(
-        restitution=e,
-        amplitude=amplitude,
-        launch_velocity=float(theory.locked_velocity(k)),
-        launch_time=float(theory.locked_phase(k, e, amplitude)) + alternation,
-        duration=(impacts + 0.5) * k,
-    )
-    _, flight = flights_locked(found)
-    swing = np.abs(np.diff(flight))
-    early, late = swing[1000], swing[-2]
-    assert late / early == pytest.approx(1.0, abs=0.1)
-    assert (late > early * (1.0 + 1e-5)) == grows
-    assert (late < early * (1.0 - 1e-5)) != grows
-
-
-def images(launches, flights_, kept, **scene):
-    """Time and flight time after some landings of particles with each launch and first flight."""
-    found = simulate(
-        launch_time=launches,
-        launch_velocity=flights_,  # gravity 2 and frequency 1: a speed is its flight time
-        gravity=2.0,
-        frequency=1.0,
-        duration=100.0,
-        **scene,
-    )
-    assert not found.rested[..., :kept].any()
-    return found.landing_time.values[..., kept - 1], found.rebound_velocity.values[..., kept - 1]
-
-
-@pytest.mark.parametrize(
-    ("rebound", "e", "amplitude", "t", "u", "kept"),
-    [
-        ("rest", 0.9, 0.25, 0.4, 1.03, 12),
-        ("reflect", 0.9, 0.25, 0.4, 1.03, 12),
-        ("reflect", 0.8, 0.7, 0.1, 0.9, 5),  # turned back at the second and third landing
-    ],
-)
-def test_areas_of_states_shrink_by_the_restitution_at_each_impact(
-    rebound, e, amplitude, t, u, kept
-):
-    h = 2.0**-22
-    times, speeds = images(
-        [t - h, t, t + h],
-        [u - h, u, u + h],
-        kept,
-        restitution=e,
-        amplitude=amplitude,
-        rebound=rebound,
-    )
-    jacobian = np.array(
-        [
-            [v[1, 2] - v[1, 0] for v in (times, speeds)],
-            [v[2, 1] - v[0, 1] for v in (times, speeds)],
-        ]
-    ) / (2.0 * h)
-    stretch = np.linalg.norm(jacobian)
-    # a central difference is off by the square of 2 pi h stretch, and by some 1e-15 / h
-    share = (2.0 * math.pi * h * stretch) ** 2 + 1e-14 / h / stretch
-    assert stretch**2 * share < 1e-2 * e**kept
-    determinant = abs(np.linalg.det(jacobian))
-    assert determinant == pytest.approx(e**kept, rel=0, abs=stretch**2 * share)

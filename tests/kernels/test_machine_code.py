@@ -4,7 +4,6 @@ import builtins
 import importlib.util
 import json
 import os
-import pickle
 import shutil
 import subprocess
 import sys
@@ -27,7 +26,7 @@ import vibrosweep as vs
 from numba_names import HOME, command_without, complaints, from_numba
 from numba_names import PACKAGE as PACKAGE_NUMBA
 from tests.cases import each_of
-from tests.general import as_the_engine_chooses
+from tests.general import as_the_engine_chooses, everything_plain
 from tests.scenes import KINDS_OF_NOISE
 from vibrosweep.engine import coupled
 from vibrosweep.engine import measure as measure_unwritten
@@ -68,24 +67,17 @@ def python(script, *arguments, source=PACKAGE.parent, **environment):
     return run.stdout
 
 
-AS_PYTHON = """
-import pickle, sys, warnings
-from pathlib import Path
+WITHOUT_COMPILER = """
 import numba
+import vibrosweep as vs
 assert numba.config.DISABLE_JIT
-warnings.simplefilter("error")
-from vibrosweep.engine.measure import measure
-from vibrosweep.engine.workers import Workers
-from vibrosweep.engine.landings import record_landings
-given, found = map(Path, sys.argv[1:])
-results = []
-with Workers(1) as workers:
-    for scene, observation in pickle.loads(given.read_bytes()):
-        endless = observation.with_measures(transient=-float("inf"))
-        results.append((measure(scene, observation, workers),
-                        record_landings(scene, endless, workers)))
-found.write_bytes(pickle.dumps(results))
+print(vs.simulate(duration=5.0).landing_time.values.tolist())
 """
+
+
+def test_all_runs_with_the_compiler_switched_off():
+    found = python(WITHOUT_COMPILER, NUMBA_DISABLE_JIT="1")
+    assert found.strip() == str(vs.simulate(duration=5.0).landing_time.values.tolist())
 
 
 @pytest.mark.parametrize(
@@ -98,7 +90,7 @@ found.write_bytes(pickle.dumps(results))
     ],
 )
 def test_plain_python_gives_the_bits_of_the_machine_code(
-    base, rebound, noise, tmp_path, parameters, random_scenes, observe, record, workers
+    base, rebound, noise, parameters, random_scenes, observe, record, workers, monkeypatch
 ):
     # products are fused where the source says so and nowhere else, and nothing divides by zero,
     # at which plain Python would raise an error
@@ -127,17 +119,14 @@ def test_plain_python_gives_the_bits_of_the_machine_code(
         for launch, begin in (((0.0, -1.7), 0.0), ((0.1, 0.2), 1.3))
     ]
     # orbits that recur; the second launch is the first, a period later
-    lasting = 9.0 if base == "sprung" or noise else 350.0
+    lasting = 9.0 if base == "sprung" or noise else 100.0
     cases.append((late, observe((0.3, 1.3), duration=lasting)))
     cases = [(given, replace(seen, base=base, rebound=rebound)) for given, seen in cases]
-    given, found = tmp_path / "given", tmp_path / "found"
-    given.write_bytes(pickle.dumps(cases))
-    python(AS_PYTHON, given, found, NUMBA_DISABLE_JIT="1")
-    plain = pickle.loads(found.read_bytes())
-    for (scene, observation), results in zip(cases, plain, strict=True):
-        compiled = measure(scene, observation, workers), record(scene, observation)
-        assert np.sum(compiled[0]["impact_count"]) > 10
-        for one, other in zip(compiled, results, strict=True):
+    compiled = [(measure(*case, workers), record(*case)) for case in cases]
+    everything_plain(monkeypatch)
+    for case, results in zip(cases, compiled, strict=True):
+        assert np.sum(results[0]["impact_count"]) > 10
+        for one, other in zip(results, (measure(*case, workers), record(*case)), strict=True):
             for name, values in one.items():
                 # numbers, not bytes: NaN may differ in its sign
                 assert np.array_equal(values, other[name], equal_nan=values.dtype.kind == "f"), name
@@ -327,7 +316,9 @@ def test_without_a_name(name, monkeypatch):
 
 
 @compiles
-@pytest.mark.parametrize("name", ["JITCodeLibrary", "FunctionCache"])
+@pytest.mark.parametrize(
+    "name", ["FunctionCache", pytest.param("JITCodeLibrary", marks=pytest.mark.weekly)]
+)
 def test_doctor_says_in_one_line_what_is_lost(name, tmp_path):
     code, text = command_without(name, "doctor", place=tmp_path)
     assert list(complaints(name, code, text)) == []
@@ -471,10 +462,8 @@ print(arm.emit_assembly(module))
 
 
 @compiles
-@pytest.mark.parametrize(
-    "base",
-    ["moving", *(pytest.param(b, marks=pytest.mark.weekly) for b in KIND_OF if b != "moving")],
-)
+@pytest.mark.weekly
+@pytest.mark.parametrize("base", KIND_OF)
 def test_the_hot_loop_becomes_vector_code_on_arm(base):
     plain = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
     try:

@@ -8,7 +8,6 @@ import pytest
 from flint import arb, ctx
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from numba import njit
 
 from first_roots import (
     LARGEST_ERROR,
@@ -75,7 +74,6 @@ def same(one, other, which=slice(None)):
     return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
-@njit(error_model="numpy")
 def followed(batch, landing, lift_off, rests):
     """Times of landings and lift-offs in periods, one impact after the other."""
     problem, particles = batch.problem, batch.launches.whole.shape[1]
@@ -107,13 +105,13 @@ def one_by_one(batch, capacity):
 @pytest.mark.parametrize("name", ["high-bounce", "moving"])
 def test_a_record_equals_impacts_that_are_followed_one_by_one(name):
     """There are more trajectories than lanes in a block, and some have too little room."""
-    scene, starts = problem(60, 6.0, 30.0)
+    scene, starts = problem(20, 6.0, 10.0)
     base = base_of(name, "rest")
     landing, lift_off, rests = one_by_one(Batch(base, scene, starts), 3000)
     room = np.isfinite(landing).sum(axis=1)
     room[::7] //= 3
     ones = np.ones(scene.kick.size)
-    like = Scene(particles=PARTICLES, base=name, duration=30.0).recorded()
+    like = Scene(particles=PARTICLES, base=name, duration=10.0).recorded()
     with Workers(2) as workers:
         found, each = recorded(scene, starts, like, workers, Units(ones, ones), room)
     kept = np.arange(3000) < room[:, np.newaxis]
@@ -137,7 +135,7 @@ def test_without_arcs_the_bits_are_the_same():
 
 
 def test_passes_over_all_lanes_equal_flights_that_are_followed_one_by_one():
-    scene, starts = problem(60, 6.0, 30.0)
+    scene, starts = problem(20, 6.0, 10.0)
     base = base_of("moving", "rest")
     found = streamed(base, scene, starts)
     assert set(found.status) == {Status.COMPLETED}
@@ -172,7 +170,13 @@ def test_accelerations_beyond_all_shakers_get_a_status():
 # Landings on the moving base against a search that cannot miss one (checks/first_roots.py).
 
 
-@pytest.mark.parametrize("draw", [wide, lift_offs, touching, partial(shaped, harmonics=3)])
+@pytest.mark.parametrize(
+    "draw",
+    [
+        *(wide, lift_offs, touching),
+        pytest.param(partial(shaped, harmonics=3), marks=pytest.mark.weekly),
+    ],
+)
 def test_no_first_landing_is_missed(draw):
     found = judge(draw(20_000, np.random.default_rng(7)), threads=1)
     assert not found.missed.any()

@@ -1,10 +1,6 @@
 """A base of finite mass."""
 
-import json
 import math
-import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -15,6 +11,7 @@ from scipy.optimize import brentq
 
 import vibrosweep as vs
 from tests.cases import each_of
+from tests.general import everything_plain
 from tests.scenes import RIGID
 from vibrosweep.kernels.bases.sprung import (
     Mount,
@@ -156,32 +153,17 @@ SCENE |= {"mass_ratio": 0.2, "mount_frequency": 1.6, "mount_damping": 0.1}
 LAUNCHES = [0.0, 0.3, 0.55]
 DURATION = 2.5
 SHAPES = [{"harmonics": [[1, 1.0, 0.0], [2, 0.4, 1.1]]}, "parabolic"]
-# interpreted, since compiling would take longer than a few dozen landings
-FOLLOW = """
-import json, sys
-import vibrosweep as vs
-shapes, scene = json.load(sys.stdin)
-found = []
-for shape in shapes:
-    one = vs.simulate(base="sprung", waveform=shape, **scene)
-    names = ("landing_time", "liftoff_time", "rebound_velocity")
-    found.append([one[name].values[0].tolist() for name in names])
-print(json.dumps(found))
-"""
 
 
 @pytest.fixture(scope="module")
 def followed():
-    given = SCENE | {"launch_time": LAUNCHES, "duration": DURATION}
-    ran = subprocess.run(
-        [sys.executable, "-c", FOLLOW],
-        input=json.dumps([SHAPES, given]),
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path), "NUMBA_DISABLE_JIT": "1"},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return json.loads(ran.stdout)
+    """Landings in plain Python, since compiling would take longer than a few dozen of them."""
+    given = SCENE | {"base": "sprung", "launch_time": LAUNCHES, "duration": DURATION}
+    names = ("landing_time", "liftoff_time", "rebound_velocity")
+    with pytest.MonkeyPatch.context() as patch:
+        everything_plain(patch)
+        found = [vs.simulate(waveform=shape, **given) for shape in SHAPES]
+    return [[one[name].values[0] for name in names] for one in found]
 
 
 @pytest.mark.parametrize("number", range(len(SHAPES)))

@@ -46,7 +46,7 @@ duration = 400.0
 restitution = 0.5
 [sample]
 design = "grid"
-amplitude = [5.1, 5.2]
+amplitude = [5.1]
 [measure]
 regimes = true
 lyapunov = true

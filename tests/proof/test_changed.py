@@ -60,12 +60,17 @@ def caught(change, name):
     assert any(c.startswith(change.place) and f" {name} " in c for c in report.complaints())
 
 
+@pytest.fixture(scope="module")
+def honest(many):
+    return everything(many).variables()
+
+
 @pytest.fixture
-def all_caught(many, edited):
+def all_caught(many, honest, edited):
     """Change each variable in a realization of its own; verify must find each change there only."""
 
     def change_all(names, new):
-        places, honest = {}, everything(many).variables()
+        places = {}
         with edited(many) as (path, file):
             rows = list(np.argsort(file["landing_time_error"][...]))  # the best known first
             for name in names:

@@ -134,13 +134,13 @@ def test_chaos_costs_precision_in_proportion():
     assert bits[0] < bits[1] <= 4096
 
 
-def test_ten_thousand_irregular_impacts():
+def test_two_thousand_irregular_impacts():
     chaos = {"restitution": 0.7, "amplitude": 1.6, "rebound": "reflect"}
-    result = run(duration=1e5, max_impacts=10_000, **chaos)
+    result = run(duration=1e5, max_impacts=2_000, **chaos)
     assert result.status is Status.BUDGET_EXCEEDED
-    assert len(result.impacts) == 10_000
+    assert len(result.impacts) == 2_000
     assert np.all(np.diff(result.landing_time) > 0)
-    assert len(np.unique(np.round(result.rebound_velocity, 6))) > 5_000
+    assert len(np.unique(np.round(result.rebound_velocity, 6))) > 1_000
 
 
 def test_time_shifted_by_a_thousand_million_periods_changes_no_phase():
