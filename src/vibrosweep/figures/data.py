@@ -16,10 +16,11 @@ from vibrosweep.analysis.datasets import (
     per_realization,
     refused_ragged,
     remedy,
+    require_names,
 )
-from vibrosweep.analysis.records import moves, recoils
+from vibrosweep.analysis.records import chosen, moves, recoils
 from vibrosweep.arrays import Array
-from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.errors import DataError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
 from vibrosweep.model.measures import Status, known
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, NOISE, OF_RESTITUTION
@@ -102,6 +103,7 @@ class Requirements:
         """Raise a DataError if anything is missing."""
         if wrong := refused_ragged(dataset):
             raise DataError(f"figure {figure} {wrong}")
+        require_names(f"figure {figure}", self.variables)
         reason = self.lacking(dataset)
         if reason is not None:
             raise DataError(f"figure {figure} needs {reason}")
@@ -221,13 +223,8 @@ def drawn_forcing(dataset: xr.Dataset) -> str | None:
 
 
 def one_realization(record: xr.Dataset, realization: int) -> xr.Dataset:
-    """Select a realization of a record by position; raises a ParameterError if there is none."""
-    count = record.sizes["realization"]
-    if not -count <= realization < count:
-        raise ParameterError(
-            f"realization = {realization} is not in the record: give 0 to {count - 1}"
-        )
-    one = record.isel(realization=realization)
+    """Select a realization of a record by position; raises an error if it has no results."""
+    one = chosen(record, realization)
     if "status" in one.variables and bool((one["status"] == Status.REFUSED).all()):
         raise DataError(f"realization {realization} of the record has no results")
     return one
