@@ -245,7 +245,8 @@ def test_a_sweep_file_that_is_none(refused, tmp_path, result):
 
 def test_outputs_that_cannot_be_written(refused, spec, tmp_path):
     path = spec(SINGLE.read_text(encoding="utf-8"))
-    assert "is a directory" in refused("run", path, "-o", tmp_path)
+    for command in ("run", "plan"):
+        assert "is a directory" in refused(command, path, "-o", tmp_path)
     assert "is not a directory; create it" in refused("run", path, "-o", tmp_path / "no" / "o.h5")
     assert "is not a directory" in refused("run", path, "-o", path / "out.h5")
     assert "too long" in refused("run", path, "-o", tmp_path / ("x" * 300))

@@ -1,6 +1,7 @@
 """Datasets as users of xarray handle them: every function gives the result of the plain dataset."""
 
 import inspect
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,8 +14,9 @@ from matplotlib import pyplot
 import vibrosweep as vs
 from tests.cases import each_of
 from tests.scenes import KINDS_OF_NOISE, TWO_TONES
+from tests.test_package import ABSURD
 from vibrosweep import analysis, figures
-from vibrosweep.errors import DataError
+from vibrosweep.errors import DataError, VibrosweepError
 from vibrosweep.model.measures import UNDETERMINED
 from vibrosweep.store.arranged import arranged
 
@@ -172,6 +174,35 @@ def test_transposed_or_masked_and_saved_again(name, function, kind):
     same(function(saved_again(kind, transposed)), known)
     if kind not in ("branches", "boundaries", "indices"):
         same(function(saved_again(kind, masked)), known)
+
+
+# What a function needs besides its dataset
+NEEDED = {
+    vs.positions: ("record", {"times": [0.5]}),
+    analysis.landing_phases: ("record", {}),
+    analysis.landing_separations: ("record", {}),
+    analysis.order_against_chance: ("record", {}),
+    analysis.return_map: ("record", {}),
+    analysis.separation_against: ("sweep", {"parameter": "restitution"}),
+    analysis.separation_distribution: ("sweep", {}),
+    analysis.share_against: ("sweep", {"parameter": "restitution", "of": "locked"}),
+    vs.separations: ("sweep", {}),
+    figures.bifurcation_diagram: ("diagram", {}),
+    figures.height_time: ("record", {}),
+    figures.orbit_boundaries: ("boundaries", {}),
+    figures.parameter_plane: ("sweep", {}),
+    figures.periodic_orbits: ("orbits", {}),
+}
+
+
+@each_of("function", NEEDED)
+def test_absurd_values_of_one_argument(function):
+    kind, needed = NEEDED[function]
+    for name in list(inspect.signature(function).parameters)[1:]:
+        for value in ABSURD[1:]:  # all but None, the default of many
+            with suppress(VibrosweepError):
+                function(made(kind), **{**needed, name: value})
+            pyplot.close("all")
 
 
 @each_of("kind", MAKERS)

@@ -162,7 +162,7 @@ def test_a_number_that_is_no_port_is_reported(swept, capsys, port):
 
 
 @pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="names there are Unicode")
-def test_names_that_are_not_unicode_can_be_read_and_written(swept, tmp_path, capsys):
+def test_names_that_are_not_unicode_can_be_read_and_written(swept, tmp_path, capfd):
     """Names of a result and of a page, and a title that another program wrote."""
     odd = tmp_path / os.fsdecode(b"\xff.h5")
     page = tmp_path / os.fsdecode(b"\xff.html")
@@ -170,10 +170,10 @@ def test_names_that_are_not_unicode_can_be_read_and_written(swept, tmp_path, cap
     with h5py.File(odd, "r+") as file:
         file.attrs.create("title", np.bytes_(b"\xfftitle"), dtype=h5py.string_dtype())
     assert main(["explore", str(odd), "-o", str(page)]) == 0
-    assert "written to " in capsys.readouterr().out
+    assert "written to " in capfd.readouterr().out
     assert "title" in page.read_text("utf-8")
     assert main(["explore", str(odd), "-o", str(page)]) == 2
-    assert "exists and was not replaced" in capsys.readouterr().err
+    assert "exists and was not replaced" in capfd.readouterr().err
     assert main(["figures", str(odd), "-o", str(tmp_path / os.fsdecode(b"\xff"))]) == 0
     assert main(["info", str(odd)]) == 0
 

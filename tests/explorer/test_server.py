@@ -5,6 +5,7 @@ import http.client
 import re
 import threading
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import product
 
 import pytest
@@ -208,6 +209,8 @@ def test_a_value_that_comes_by_the_socket_is_clipped_to_the_range_of_its_widget(
 
 
 def test_a_page_is_one_file_that_says_what_it_holds(points, tmp_path):
+    columns = {name: points.columns[name] for name in (*points.axes, points.colour)}
+    points = replace(points, columns=columns)  # of which a page is made in a moment
     limits, path = Limits(points=20, motions=3), tmp_path / "page.html"
     said = write_page(points, path, force=False, limits=limits)
     text = path.read_text("utf-8")

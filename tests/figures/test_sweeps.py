@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 import vibrosweep as vs
 from tests.cases import each_of
-from tests.scans import basins, bifurcation, find_windows
+from tests.scans import bifurcation, find_windows
 from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import height_against_restitution, parameter_plane

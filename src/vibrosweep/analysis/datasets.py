@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import DataError
+from vibrosweep.errors import DataError, count
 from vibrosweep.mistakes import cut, nearest
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, RESERVED, VARIABLES, Status
@@ -143,7 +143,7 @@ def equal_parts(
     parameter is the same everywhere.  Realizations without results, as behind a mask, belong to no
     bin.
     """
-    values = per_realization(sweep, parameter)
+    bins, values = count("bins", bins), per_realization(sweep, parameter)
     held = np.isfinite(values)
     if "status" in sweep.variables:
         held &= sweep["status"].values != Status.REFUSED

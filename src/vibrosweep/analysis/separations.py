@@ -596,7 +596,7 @@ def _of_windows(windows: xr.Dataset, parameter: str, of: str) -> xr.Dataset:
 
 
 def _require_name(of: str, names: tuple[str, ...]) -> None:
-    if of not in names:
+    if not isinstance(of, str) or of not in names:
         raise ParameterError(f"of = {of!r}: must be {quoted(names)}")
 
 

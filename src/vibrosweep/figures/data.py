@@ -26,6 +26,7 @@ from vibrosweep.model.measures import Status, known
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, NOISE, OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT, POINTS, law_in, name_of
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
+from vibrosweep.store.arranged import require_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -184,6 +185,7 @@ def require_same_scene(
 
     Their scenes must be the same, and the values of those of the `parameters` that both have.
     """
+    require_dataset(under)
     for name, usual in SCENE.items():
         texts = [str(one.attrs.get(name, usual)) for one in (over, under)]
         if texts[0] != texts[1]:

@@ -129,6 +129,8 @@ def height_time(
     """
     HEIGHT_NEEDS.check("height_time", record)
     one = data.one_realization(record, realization)
+    if not (mark_landings is None or isinstance(mark_landings, bool)):
+        raise ParameterError(f"mark_landings = {mark_landings!r}: must be True, False or None")
     base, shown = base_motion(one, "height_time"), _shown(one, particles)
     one = one.isel(particle=shown)
     begin, stop = _window(one, until)
