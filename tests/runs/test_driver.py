@@ -538,7 +538,7 @@ def test_a_sweep_is_described_and_planned(path_sprung, workers):
 def test_every_figure_is_drawn(path_sprung):
     with open_sweep(path_sprung) as sweep, open_record(path_sprung) as record:
         names = available(sweep, record)
-        assert {"height_time", "height_time_all", "return_map", "parameter_plane"} <= {*names}
+        assert {"height_time", "height_time_all", "return_map"} <= {*names}
         for entry in map(FIGURES.get, names):
             figure = for_file(entry.draw, sweep if entry.source == "sweep" else record)
             figure.draw_without_rendering()
