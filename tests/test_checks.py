@@ -132,7 +132,10 @@ def test_campaigns_draw_their_pictures(draw, numbers, tmp_path):
     draw(*numbers).savefig(tmp_path / "picture.png")
 
 
-@pytest.mark.parametrize("picture", ["cost", "peers", "work_precision"])
+@pytest.mark.parametrize(
+    "picture",
+    ["peers", *(pytest.param(p, marks=pytest.mark.weekly) for p in ("cost", "work_precision"))],
+)
 def test_times_are_drawn_from_their_stored_tables(picture, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     redrawn.draw_stored(picture)
@@ -199,7 +202,12 @@ def test_any_text_is_accepted_or_refused(text):
 
 @pytest.mark.parametrize(
     ("name", "number"),
-    [("sweep files", 12), ("tables", 8), ("result files", 8), ("results saved again", 2)],
+    [
+        ("sweep files", 12),
+        ("tables", 8),
+        ("result files", 8),
+        pytest.param("results saved again", 8, marks=pytest.mark.weekly),  # their pages take long
+    ],
 )
 def test_nothing_fails_badly(name, number, capsys):
     """No traceback, no hang, nothing written beside the output, no changed numbers shown."""

@@ -132,8 +132,8 @@ NOT_RUN = re.compile("million|plane|basin|bifurcation|boundaries|branches|orbits
 NUMBERED = re.compile(r"_\d+$")
 
 
-# these need machine code that no other test needs
-RARE = {"steel_ball", "two_tones"}
+# these need machine code that no other test needs, or take long
+RARE = {"steel_ball", "two_tones", "noisy_lock"}
 PICTURED = set()  # figures that were drawn from an earlier file
 
 
