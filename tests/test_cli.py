@@ -18,6 +18,7 @@ import xarray as xr
 from tests.cases import each_of
 from vibrosweep import cli
 from vibrosweep.cli import main
+from vibrosweep.system import ENDINGS
 
 ROOT = Path(__file__).parents[1]
 SINGLE = ROOT / "sweeps" / "single_ball.toml"
@@ -244,7 +245,8 @@ def test_a_sweep_file_that_is_none(refused, tmp_path, result):
 
 def test_outputs_that_cannot_be_written(refused, spec, tmp_path):
     path = spec(SINGLE.read_text(encoding="utf-8"))
-    assert "is a directory" in refused("run", path, "-o", tmp_path)
+    for command in ("run", "plan"):
+        assert "is a directory" in refused(command, path, "-o", tmp_path)
     assert "is not a directory; create it" in refused("run", path, "-o", tmp_path / "no" / "o.h5")
     assert "is not a directory" in refused("run", path, "-o", path / "out.h5")
     assert "too long" in refused("run", path, "-o", tmp_path / ("x" * 300))
@@ -329,7 +331,9 @@ def test_memory_that_runs_out(refused, monkeypatch, spec, tmp_path):
     assert "--chunk" not in refused("info", "x.h5")
 
 
-@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    "ending", [signal.SIGINT, *(pytest.param(s, marks=pytest.mark.weekly) for s in ENDINGS[1:])]
+)
 def test_an_interrupted_run_leaves_nothing(start, spec, tmp_path, ending):
     """It has no finished chunk: one call of a kernel computes it all."""
     if signal.getsignal(ending) is signal.SIG_IGN:
@@ -351,21 +355,21 @@ def test_an_interrupted_run_leaves_nothing(start, spec, tmp_path, ending):
 def test_an_interrupted_run_keeps_what_is_finished(start, spec, vibrosweep, tmp_path):
     """By SIGTERM: the command treats all signals that end it alike."""
     output = tmp_path / "out.h5"
-    words = ("run", spec(CHUNKS.replace("10_000_000", "100_000")), "-o", output)
+    words = ("run", spec(CHUNKS.replace("10_000_000", "60_000")), "-o", output)
     process = start(*words, "--chunk", 200)
     wait_for(process, tmp_path, PARTS, 3)
     process.send_signal(signal.SIGTERM)
     messages = process.communicate(timeout=20)[1]
     finished = len(list(tmp_path.glob(PARTS)))
-    assert 3 <= finished < 500
+    assert 3 <= finished < 300
     assert process.returncode == 130
-    assert messages.startswith(f"vibrosweep: interrupted; {finished} of 500 chunks are finished")
+    assert messages.startswith(f"vibrosweep: interrupted; {finished} of 300 chunks are finished")
     assert messages.endswith(": run the same command again to continue\n")
     assert messages.count("\n") == 1
     assert not output.exists()
     code, text, _ = vibrosweep("info", output)
     assert code == 0
-    assert text.startswith(f"{output}: is not finished: {finished} of 500 chunks are in ")
+    assert text.startswith(f"{output}: is not finished: {finished} of 300 chunks are in ")
     assert vibrosweep(*words)[0] == 0
     assert {p.name for p in tmp_path.iterdir()} == {"sweep.toml", "out.h5"}
     assert vibrosweep("run", words[1], "-o", tmp_path / "whole.h5")[0] == 0
@@ -373,18 +377,12 @@ def test_an_interrupted_run_keeps_what_is_finished(start, spec, vibrosweep, tmp_
 
 
 def test_a_killed_run_continues(start, spec, refused, vibrosweep, tmp_path):
-    """A few kills at random moments; checks/kills.py makes hundreds."""
-    output, delays = tmp_path / "out.h5", np.random.default_rng(1).uniform(0.0, 0.1, 2)
-    path = spec(CHUNKS.replace("10_000_000", "60_000"))
-    kept = set()
-    for number, delay in enumerate(delays):
-        with start("run", path, "-o", output, "--chunk", 200) as process:
-            wait_for(process, tmp_path, PARTS, len(kept) + 1)
-            time.sleep(delay)
-            process.kill()
-        assert not output.exists()
-        before, kept = kept, set(tmp_path.glob(PARTS))
-        assert before < kept, number
+    """One kill; checks/kills.py makes hundreds at random moments."""
+    output, path = tmp_path / "out.h5", spec(CHUNKS.replace("10_000_000", "60_000"))
+    with start("run", path, "-o", output, "--chunk", 200) as process:
+        wait_for(process, tmp_path, PARTS)
+        process.kill()
+    assert not output.exists()
     partial = tmp_path / "out.h5.parts" / ".x.partial"
     partial.write_bytes(b"what a killed write leaves")
     refused("figures", partial, "-o", tmp_path / "figures")
@@ -445,17 +443,17 @@ def test_a_call_leaves_the_process_alone(vibrosweep, result):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is full")
-def test_an_output_stream_that_is_full(result):
+def test_an_output_stream_that_is_full():
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [*COMMAND, "info", result], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+            [*COMMAND, "examples"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )
     assert done.returncode == 2
     assert done.stderr == "vibrosweep: [Errno 28] No space left on device\n"
 
 
-def test_readers_that_go_away(result):
-    command = " ".join(f"'{word}'" for word in [*COMMAND, "info", str(result)])
+def test_readers_that_go_away():
+    command = " ".join(f"'{word}'" for word in [*COMMAND, "examples"])
     for line in (f"{command} | head -n 1", f"{command} >&- 2>&-", f"{command} | true"):
         done = subprocess.run(
             ["bash", "-o", "pipefail", "-c", line], capture_output=True, text=True, check=False
@@ -497,16 +495,16 @@ def test_absurd_values_of_options(words, message, capsys):
     assert len(said) < 2000
 
 
-def test_a_notebooks_backend_does_not_stop_a_command(result):
-    environment = {**os.environ, "MPLBACKEND": "module://matplotlib_inline.backend_inline"}
-    done = subprocess.run(
-        [*COMMAND, "figures", result, "-o", result.parent / "drawn"],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
+def test_a_notebooks_backend_does_not_stop_a_command():
+    """It may not be installed."""
+    code = (
+        "import sys; sys.argv[1:] = ['examples']; from vibrosweep.cli import main; main()\n"
+        "import matplotlib.pyplot; print(matplotlib.get_backend())"
     )
-    assert (done.returncode, done.stderr) == (0, "")
+    environment = {**os.environ, "MPLBACKEND": "module://none"}
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+    assert (done.stderr, done.stdout.splitlines()[-1]) == ("", "agg")
 
 
 # What sends a signal, and where, as lines of Python before the command
@@ -543,7 +541,17 @@ c.figures = perform
 }
 
 
-@pytest.mark.parametrize(("place", "ending"), [*zip(PLACES, cycle(["SIGINT", "SIGTERM"]))])
+# early and late imports, a compilation, a drawing, and where exceptions are lost
+DAILY = ("vibrosweep.errors", "h5py._hl", "compile", "draw", "destructor")
+
+
+@pytest.mark.parametrize(
+    ("place", "ending"),
+    [
+        pytest.param(*one, marks=[pytest.mark.weekly] * (one[0] not in DAILY))
+        for one in zip(PLACES, cycle(["SIGINT", "SIGTERM"]))
+    ],
+)
 def test_a_signal_anywhere_is_one_message(place, ending, result, tmp_path):
     """The command is interrupted while it imports, parses, compiles, draws, or tidies."""
     words = ["figures", str(result), "-o", "drawn"]

@@ -1,6 +1,10 @@
 """Datasets as users of xarray handle them: every function gives the result of the plain dataset."""
 
 import inspect
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -10,8 +14,9 @@ from matplotlib import pyplot
 import vibrosweep as vs
 from tests.cases import each_of
 from tests.scenes import KINDS_OF_NOISE, TWO_TONES
+from tests.test_package import ABSURD
 from vibrosweep import analysis, figures
-from vibrosweep.errors import DataError
+from vibrosweep.errors import DataError, VibrosweepError
 from vibrosweep.model.measures import UNDETERMINED
 from vibrosweep.store.arranged import arranged
 
@@ -49,14 +54,12 @@ MAKERS = {
     "boundaries": lambda: vs.boundaries(restitution=[0.8, 0.9], amplitude=[0.5, 4.0]),
     "indices": lambda: vs.sobol(restitution=(0.8, 0.98), amplitude=(0.2, 3.5), realizations=64),
 }
-_MADE = {}
 
 
+@cache
 def made(kind):
     """Return a dataset of a kind, computed once."""
-    if kind not in _MADE:
-        _MADE[kind] = MAKERS[kind]().load()
-    return _MADE[kind]
+    return MAKERS[kind]().load()
 
 
 def _judged(sweep):
@@ -135,9 +138,23 @@ def same(one, other):
         np.testing.assert_array_equal(one, other)
 
 
-def resaved(dataset, tmp_path):
-    dataset.to_netcdf(tmp_path / "again.nc", engine="h5netcdf")
-    return xr.load_dataset(tmp_path / "again.nc", engine="h5netcdf")
+def transposed(dataset):
+    return dataset.transpose(*reversed(list(dataset.dims)))
+
+
+def masked(dataset):
+    """The dataset behind a mask that hides nothing, but turns integers and scalars into arrays."""
+    dim = next(iter(dataset["restitution"].dims or dataset.dims))
+    return dataset.where(xr.DataArray(np.ones(dataset.sizes[dim], np.bool_), dims=dim))
+
+
+@cache
+def saved_again(kind, change):
+    """A dataset of a kind that was changed and saved, computed once."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "again.nc"
+        change(made(kind)).to_netcdf(path, engine="h5netcdf")
+        return xr.load_dataset(path, engine="h5netcdf")
 
 
 def test_every_public_function_is_tried():
@@ -152,20 +169,40 @@ def test_every_public_function_is_tried():
 
 
 @pytest.mark.parametrize(("name", "function", "kind"), CASES, ids=NAMED)
-def test_transposed_and_saved_again(name, function, kind, tmp_path):
-    plain = made(kind)
-    known = function(plain)
-    turned = plain.transpose(*reversed(list(plain.dims)))
-    if name.startswith("figure"):  # drawing takes long
-        same(function(resaved(turned, tmp_path)), known)
-    else:
-        same(function(turned), known)
-        same(function(resaved(plain, tmp_path)), known)
+def test_transposed_or_masked_and_saved_again(name, function, kind):
+    known = function(made(kind))
+    same(function(saved_again(kind, transposed)), known)
     if kind not in ("branches", "boundaries", "indices"):
-        # a mask that hides nothing turns integers into floats and scalars into arrays
-        dim = next(iter(plain["restitution"].dims or plain.dims))
-        everything = xr.DataArray(np.ones(plain.sizes[dim], np.bool_), dims=dim)
-        same(function(resaved(plain.where(everything), tmp_path)), known)
+        same(function(saved_again(kind, masked)), known)
+
+
+# What a function needs besides its dataset
+NEEDED = {
+    vs.positions: ("record", {"times": [0.5]}),
+    analysis.landing_phases: ("record", {}),
+    analysis.landing_separations: ("record", {}),
+    analysis.order_against_chance: ("record", {}),
+    analysis.return_map: ("record", {}),
+    analysis.separation_against: ("sweep", {"parameter": "restitution"}),
+    analysis.separation_distribution: ("sweep", {}),
+    analysis.share_against: ("sweep", {"parameter": "restitution", "of": "locked"}),
+    vs.separations: ("sweep", {}),
+    figures.bifurcation_diagram: ("diagram", {}),
+    figures.height_time: ("record", {}),
+    figures.orbit_boundaries: ("boundaries", {}),
+    figures.parameter_plane: ("sweep", {}),
+    figures.periodic_orbits: ("orbits", {}),
+}
+
+
+@each_of("function", NEEDED)
+def test_absurd_values_of_one_argument(function):
+    kind, needed = NEEDED[function]
+    for name in list(inspect.signature(function).parameters)[1:]:
+        for value in ABSURD[1:]:  # all but None, the default of many
+            with suppress(VibrosweepError):
+                function(made(kind), **{**needed, name: value})
+            pyplot.close("all")
 
 
 @each_of("kind", MAKERS)

@@ -194,8 +194,8 @@ def test_the_first_screen_is_short():
 def test_the_python_runs():
     (code,) = blocks("python")
     done = {}
-    exec(compile(code, "README.md", "exec"), done)
-    assert done["sweep"]["locked_count"].shape == (120, 120)
+    exec(compile(code.replace("120", "12"), "README.md", "exec"), done)  # takes seconds with 120
+    assert done["sweep"]["locked_count"].shape == (12, 12)
 
 
 # The reference: every public name has its page, with parameters, results, errors, an example.

@@ -28,7 +28,7 @@ from tests.cases import each_of
 from vibrosweep import __version__
 from vibrosweep.api import result_kinds
 from vibrosweep.cli import main
-from vibrosweep.errors import DataError, VibrosweepError
+from vibrosweep.errors import DataError, ParameterError, VibrosweepError
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.store.reading import KIND, SWEEP, ResultKind, load_dataset, read_kind
 
@@ -245,6 +245,12 @@ def test_lists_of_datasets():
             vs.analysis.compare_separations(given)
         with pytest.raises(DataError, match="dataset"):
             vs.figures.separation_distributions(given, ["x"], 1e-4)
+
+
+def test_an_absurd_number_of_landings_to_verify():
+    for value in ("x", 0, 1.5, float("nan"), []):
+        with pytest.raises(ParameterError, match="max_landings = "):
+            vs.verify("any.h5", max_landings=value)
 
 
 def test_any_real_number_is_one():

@@ -61,7 +61,7 @@ def cases(draw):
     return Case(scene, launch, end, draw(LAW), begin, budget=1000)
 
 
-@settings(max_examples=100)
+@settings(max_examples=40)
 @given(case=cases())
 def test_whatever_hypothesis_finds(alone, case):
     if case.duration > 0.0:
@@ -72,7 +72,7 @@ def test_whatever_hypothesis_finds(alone, case):
 @each_of("name", FAMILIES)
 def test_extreme_scenes(alone, name, law):
     landings = 0
-    for number in range(5):
+    for number in range(2):
         case = FAMILIES[name](np.random.default_rng([7, number]), law)
         found = examine(case, alone)
         assert found.faults == []
@@ -114,11 +114,11 @@ def test_separations_over_a_billion_periods_are_those_of_a_thousand(parameters, 
 @pytest.mark.parametrize("law", LAWS)
 def test_error_bounds_over_the_whole_range(law):
     rng = np.random.default_rng(7)
-    verdicts = [compare(job) for job in kernel_jobs([draw(rng) for _ in range(150)], law, 100)]
+    verdicts = [compare(job) for job in kernel_jobs([draw(rng) for _ in range(60)], law, 100)]
     assert [fault for verdict in verdicts for fault in verdict.faults] == []
-    assert sum(verdict.compared for verdict in verdicts) > 3000
+    assert sum(verdict.compared for verdict in verdicts) > 1200
     seen = [v.bound / v.landing for v in verdicts if v.landing > 0.0]
-    assert len(seen) > 100
+    assert len(seen) > 40
     assert np.median(seen) < 1000.0
 
 

@@ -7,10 +7,22 @@ traceback.  Mistakes in a description are held as data too (`VibrosweepError.mis
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable
+from numbers import Integral, Real
 from pathlib import Path
 
-from vibrosweep.mistakes import FORCE, OUTPUT, PYTHON, Dialect, Mistake, Mistakes, Text
+from vibrosweep.mistakes import (
+    FORCE,
+    OUTPUT,
+    PYTHON,
+    Dialect,
+    Mistake,
+    Mistakes,
+    Text,
+    Value,
+    argument,
+)
 
 __all__ = [
     "DataError",
@@ -129,8 +141,36 @@ def require_one_of(
     name: str, value: object, names: Collection[str], error: type[VibrosweepError] = ParameterError
 ) -> None:
     """Raise an error unless the value of an argument is one of these names."""
-    if value not in names:
+    if not isinstance(value, str) or value not in names:
         raise error(f"{name} = {value!r}: must be one of {', '.join(names)}")
+
+
+def count(name: str, value: object, least: int = 1, most: int | None = None) -> int:
+    """Return a whole number as a Python int, because numpy integers can overflow.
+
+    Raises a ParameterError unless it is an int or a numpy integer, from `least` to `most`.
+    """
+    if (
+        not isinstance(value, Integral)
+        or isinstance(value, bool)
+        or int(value) < least
+        or (most is not None and int(value) > most)
+    ):
+        upper = "" if most is None else f" and at most {most}"
+        rule = f": must be a whole number, at least {least}{upper}"
+        raise ParameterError(argument(name), Value(value), rule)
+    return int(value)
+
+
+def finite(name: str, value: object) -> float:
+    """Return a number as a float; raises a ParameterError unless it is real and finite."""
+    try:
+        number = float(value) if isinstance(value, Real) else math.nan
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ParameterError(argument(name), Value(value), ": must be a finite number")
+    return number
 
 
 def refuse(

@@ -63,6 +63,11 @@ def table(name: str) -> Word:
     return Word(f"[{name}]", name)
 
 
+def argument(name: str) -> Word:
+    """Return what stands before the value of an argument: ``points = ``, or ``--points `` there."""
+    return Word(f"{name} = ", f"{name} = ", f"--{name.replace('_', '-')} ")
+
+
 RANGE: Final = Word("[low, high]", "(low, high)")
 SWITCH: Final = Word("true or false", "True or False")
 OUTPUT: Final = Word("output=", "output=", "-o")

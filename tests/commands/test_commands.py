@@ -144,14 +144,6 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(swept, mon
     assert 'pip install "vibrosweep[explore]"' in capsys.readouterr().err
 
 
-def test_a_page_is_written(swept, tmp_path, capsys):
-    page = tmp_path / "page.html"
-    assert main(["explore", str(swept), "-o", str(page)]) == 0
-    assert f"written to {page}" in capsys.readouterr().out
-    assert main(["explore", str(swept), "-o", str(page)]) == 2
-    assert "exists and was not replaced" in capsys.readouterr().err
-
-
 def test_a_taken_port_is_reported(swept, capsys):
     import socket
 
@@ -170,22 +162,20 @@ def test_a_number_that_is_no_port_is_reported(swept, capsys, port):
 
 
 @pytest.mark.skipif(os.name == "nt" or sys.platform == "darwin", reason="names there are Unicode")
-def test_names_that_are_not_unicode_can_be_read_and_written(swept, tmp_path):
+def test_names_that_are_not_unicode_can_be_read_and_written(swept, tmp_path, capfd):
     """Names of a result and of a page, and a title that another program wrote."""
     odd = tmp_path / os.fsdecode(b"\xff.h5")
     page = tmp_path / os.fsdecode(b"\xff.html")
-    with_title(swept, odd, b"\xfftitle")
+    shutil.copy(swept, odd)
+    with h5py.File(odd, "r+") as file:
+        file.attrs.create("title", np.bytes_(b"\xfftitle"), dtype=h5py.string_dtype())
     assert main(["explore", str(odd), "-o", str(page)]) == 0
+    assert "written to " in capfd.readouterr().out
     assert "title" in page.read_text("utf-8")
+    assert main(["explore", str(odd), "-o", str(page)]) == 2
+    assert "exists and was not replaced" in capfd.readouterr().err
     assert main(["figures", str(odd), "-o", str(tmp_path / os.fsdecode(b"\xff"))]) == 0
     assert main(["info", str(odd)]) == 0
-
-
-def with_title(source, target, title):
-    """Save a result again with another title."""
-    shutil.copy(source, target)
-    with h5py.File(target, "r+") as file:
-        file.attrs.create("title", np.bytes_(title), dtype=h5py.string_dtype())
 
 
 @each_of(

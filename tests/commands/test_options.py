@@ -95,6 +95,33 @@ def test_absurd_values(words, place, capsys):
                 ended([*complete(words, place), f"{one.option_strings[-1]}={value}"], capsys)
 
 
+GRID = """
+title = "A grid"
+[sample]
+design = "grid"
+restitution = [0.8, 0.9]
+amplitude = [1.0, 2.0]
+"""
+
+
+@each_of(
+    ("command", "option", "value"),
+    [
+        ("bifurcation", "--observable", "height"),
+        ("branches", "--points", "1"),
+        ("branches", "--doublings", "99"),
+        ("boundaries", "--impacts", "999999"),
+        ("orbits", "--periods", "999999"),
+    ],
+)
+def test_a_message_names_an_option_as_it_was_typed(command, option, value, place, capsys):
+    text = GRID if command == "boundaries" else GRID.replace("restitution = [0.8, 0.9]\n", "")
+    (place / "grid.toml").write_text(text, encoding="utf-8")
+    words = [command, str(place / "grid.toml"), option, value, "-o", str(place / "new.h5")]
+    assert main(words) == 2
+    assert option in capsys.readouterr().err
+
+
 @each_of("words", FILES)
 def test_absurd_files(words, place, capsys):
     names = ("", ".", "none.h5", str(place / "bad.csv"), "x" * 300, "é\n", "nan")

@@ -59,6 +59,9 @@ def test_a_run_a_plan_and_a_proof_as_json(spec, tmp_path, capsys):
     done, code = printed(capsys, "run", spec, "-o", tmp_path / "new.h5")
     assert (code, done["realizations"], done["computed"]) == (0, 3, 3)
     assert done["landings"] == planned["impacts"]
+    again, code = printed(capsys, "run", spec, "-o", tmp_path / "new.h5", "--retry-failed")
+    assert (code, again["computed"]) == (0, 0)
+    assert again["notes"] == done["notes"] == planned["notes"] != {}
     proved, code = printed(capsys, "verify", tmp_path / "new.h5")
     assert (code, proved["passed"], proved["drawn"]["compared"]) == (0, True, 3)
     assert proved["variables"]["rebound_height_max"]["outside"] == 0

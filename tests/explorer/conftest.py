@@ -64,7 +64,7 @@ def points(results):
     return of_result(results["high-bounce"], Path("out.h5"), "sweep")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")  # its loop of events would be in the way of other files
 def browser():
     driver = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     found = next(filter(None, map(shutil.which, NAMES)), None)

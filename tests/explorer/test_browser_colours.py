@@ -33,7 +33,7 @@ BARE = """() => {
 }"""
 
 
-@pytest.fixture(scope="module", params=SAMPLES)
+@pytest.fixture(scope="module", params=["dots", pytest.param("cells", marks=pytest.mark.weekly)])
 def result(request, tmp_path_factory):
     path = tmp_path_factory.mktemp("coloured") / "out.h5"
     vs.run({**SCENE, **SAMPLES[request.param]}, path, progress=False).close()
@@ -46,12 +46,15 @@ def address(result):
         yield address_of(process)
 
 
-@pytest.fixture(params=["server", "file"])
-def page(request, result, address, opened, tmp_path):
+@pytest.fixture(params=[pytest.param("server", marks=pytest.mark.weekly), "file"])
+def page(request, result, opened):
     if request.param == "file":
-        path = tmp_path / "page.html"
-        write_page(open_points(result), path, force=False)
+        path = result.with_suffix(".html")
+        if not path.exists():
+            write_page(open_points(result), path, force=False)
         address = path.as_uri()
+    else:
+        address = request.getfixturevalue("address")
     shown = opened(address)
     shown.evaluate(BARE)
     return shown

@@ -50,7 +50,9 @@ def result(tmp_path_factory):
     return path
 
 
-@pytest.fixture(scope="module", params=["served", "in a file"])
+@pytest.fixture(
+    scope="module", params=["served", pytest.param("in a file", marks=pytest.mark.weekly)]
+)
 def address(request, result):
     if request.param == "served":
         with served(result) as process:

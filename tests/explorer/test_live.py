@@ -16,6 +16,7 @@ import pytest
 from bokeh.document import Document
 
 import vibrosweep as vs
+from tests.cases import each_of
 from vibrosweep.errors import VibrosweepError
 from vibrosweep.explorer import pictures, views
 from vibrosweep.explorer.live import Background, Page
@@ -257,11 +258,10 @@ def test_movements_between_the_running_and_the_newest_one_are_dropped(points):
 WILD = (1e6, -1e6, 1e308, -1e308, 1e-320, math.nan, math.inf, -math.inf, 10**309, 0)
 
 
-@pytest.mark.parametrize("wild", WILD, ids=str)
+@each_of("wild", WILD)
 def test_values_from_a_browser_are_clipped_to_the_ranges_of_the_widgets(page, wild):
     """Even if the browser changes the ranges of the widgets themselves."""
-    sliders = {**page.controls.sliders, **page.controls.launch}
-    ranges = {name: (slider.start, slider.end) for name, slider in sliders.items()}
+    sliders, ranges = {**page.controls.sliders, **page.controls.launch}, page.controls._ranges
     for name, slider in sliders.items():
         slider.update(start=-1e308, end=1e308)
         slider.value = wild
@@ -292,7 +292,7 @@ def test_a_duration_in_seconds_is_no_more_periods_than_its_slider_has(page):
     assert page.controls.choice.periods == 200.0 == page.controls.launch["periods"].value
 
 
-@pytest.mark.parametrize("wild", [None, -1, 7])
+@each_of("wild", [None, -1, 7])
 def test_an_unknown_base_is_ignored(page, wild):
     page.controls.base.active = wild
     assert page.controls.base.active == 0
@@ -307,7 +307,7 @@ def test_an_unknown_column_is_ignored(page):
         assert one.value == before == getattr(page.plane, name)
 
 
-@pytest.mark.parametrize("wild", [None, "a", math.nan, math.inf, 10**309, [0.0]], ids=str)
+@each_of("wild", [None, "a", math.nan, math.inf, 10**309, [0.0]])
 def test_invalid_places_and_windows_change_nothing(page, wild):
     before = page.motions[0].content, page.status.text
     page._tapped(SimpleNamespace(x=0.9, y=wild))
@@ -350,7 +350,7 @@ def geometry(**given):
     return SimpleNamespace(final=True, geometry=given)
 
 
-@pytest.mark.parametrize("kind", [list, np.array, partial(array, "d")])
+@each_of("kind", [list, np.array, partial(array, "d")])
 def test_a_lasso_makes_a_table(page, points, kind):
     x, y = points.columns["restitution"].values, points.columns["amplitude"].values
     outline = {"x": kind([0.0, 0.9, 0.9, 0.0]), "y": kind([0.0, 0.0, 9.0, 9.0])}
@@ -444,7 +444,7 @@ def test_an_address_restores_what_it_says(page, points):
     assert again.plane.wish == page.plane.wish == views.Scale("logarithmic", None, 1.5)
 
 
-@pytest.mark.parametrize(
+@each_of(
     "data",
     [
         {},

@@ -45,7 +45,7 @@ def test_behind_a_hub_a_notebook_shows_the_page_in_a_file(results, notebook, mon
     assert "Behind JupyterHub" in page._repr_html_()
 
 
-@pytest.mark.parametrize("hub", [False, True])
+@pytest.mark.parametrize("hub", [False, pytest.param(True, marks=pytest.mark.weekly)])
 def test_the_page_works_in_a_frame(results, notebook, monkeypatch, browser, tmp_path, hub):
     if hub:
         monkeypatch.setenv("JUPYTERHUB_SERVICE_PREFIX", "/user/someone/")

@@ -130,21 +130,25 @@ print(json.dumps([found.flight_time_max.item(), found.impact_count.item()]))
 def test_an_edit_never_runs_stale_machine_code(tmp_path):
     """Neither of a measure nor of a law."""
 
-    def run(name, old, new):
-        for file in (SOURCE, SOURCE.with_name("softening.py")):
+    def run(measure=("return landing",) * 2, law=("e / (1.0 + s)",) * 2):
+        for file, edit in ((SOURCE, measure), (SOURCE.with_name("softening.py"), law)):
             text = file.read_text()
-            assert (old in text) == (name == file.name)
-            (tmp_path / file.name).write_text(text.replace(old, new))
+            assert edit[0] in text
+            (tmp_path / file.name).write_text(text.replace(*edit))
         words = [sys.executable, "-W", "ignore", "-c", SCRIPT, str(tmp_path)]
         done = subprocess.run(words, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         return json.loads(done.stdout)
 
-    flight, count = run("", "no such text", "")
-    negative, same = run(SOURCE.name, "return landing", "return -1.0 * landing")
-    assert (negative < 0.0 < flight, same) == (True, count)
-    assert run("softening.py", "e / (1.0 + s)", "0.5 * e")[1] != count
-    assert run("", "no such text", "") == [flight, count]
+    flight, count = run()
+    edits = {
+        "measure": ("return landing", "return -1.0 * landing"),
+        "law": ("e / (1.0 + s)", "0.5 * e"),
+    }
+    negative, other = run(**edits)
+    assert negative < 0.0 < flight
+    assert other != count
+    assert run() == [flight, count]
 
 
 # The recipe of a measure of the package, done on a copy of the package.

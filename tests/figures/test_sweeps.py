@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import itertools
 import sys
 
@@ -15,7 +14,7 @@ from matplotlib.figure import Figure
 
 import vibrosweep as vs
 from tests.cases import each_of
-from tests.scans import basins, bifurcation, find_windows
+from tests.scans import bifurcation, find_windows
 from vibrosweep import theory
 from vibrosweep.errors import DataError
 from vibrosweep.figures import height_against_restitution, parameter_plane
@@ -242,7 +241,7 @@ def test_only_complete_grids_are_grids():
 def test_the_calls_that_draw_do_not_grow_with_the_sweep(variable, tmp_path, synthetic_sweep):
     """Realizations are gathered and drawn as arrays, not one by one."""
     calls = []
-    for size in (40_000, 400_000):
+    for size in (40_000, 100_000):
         sweep, count = synthetic_sweep(size), itertools.count()
         sys.setprofile(lambda *event, count=count: next(count))
         try:
@@ -252,7 +251,7 @@ def test_the_calls_that_draw_do_not_grow_with_the_sweep(variable, tmp_path, synt
             sys.setprofile(None)
         calls.append(next(count))
         assert isinstance(numbers_of(figure), QuadMesh)
-    assert calls[1] < 1.2 * calls[0]
+    assert calls[1] < 1.1 * calls[0]
 
 
 def test_missing_variables_and_ranges_are_named(sweep, make_sweep):
@@ -272,7 +271,9 @@ def test_any_variable_of_a_result_is_drawn_or_refused_in_words():
     asked = {"per_particle": True, "regimes": True, "lyapunov": True, "separation": True}
     sweep = vs.sweep(**drawn, **asked, particles=2, duration=30.0)
     texts = sweep.assign_coords(name=("realization", ["a"] * 20))
-    for name, one in texts.variables.items():
+    of_a_sort = {(v.dims, v.dtype, "flag_values" in v.attrs): n for n, v in texts.variables.items()}
+    for name in of_a_sort.values():
+        one = texts.variables[name]
         if one.dims in ((), ("realization",)) and name != "name":
             assert for_file(parameter_plane, texts, name).axes
         else:
@@ -328,16 +329,6 @@ def test_small_dots_are_seen_in_the_legend(synthetic_sweep):
     assert "no rebound in 2000" in (
         height_against_restitution(sweep).get_legend().get_title().get_text()
     )
-
-
-def test_open_circles_where_the_launch_is_highest(sweep):
-    circles = np.asarray(
-        dots_of(height_against_restitution(sweep).figure, "including the launch").get_offsets()
-    )
-    lower = sweep.rebound_height_max.values < 25 / (2 * 9.81)
-    assert 0 < lower.sum() < lower.size
-    np.testing.assert_array_equal(circles[:, 0], sweep.restitution.values[lower])
-    np.testing.assert_allclose(circles[:, 1], 25 / (2 * 9.81))
 
 
 def test_plateaus_are_the_closed_form_and_in_view(sweep):
@@ -531,38 +522,8 @@ def test_windows_of_any_forcing_are_drawn_with_its_symbol(forcing, base):
     figure = stability_windows(
         find_windows(scene, [0.7, 0.9], scan, ["locked(1)"], forcing=forcing)
     )[0].figure
-    figure.savefig(io.BytesIO())
+    figure.draw_without_rendering()
     assert len(figure.axes[0].texts) == 2
-
-
-@pytest.mark.parametrize("rebound", ["rest", "reflect"])
-def test_undetermined_points_are_grey(rebound):
-    scene = keyword_spec({"particles": 2, "duration": 20.0, "rebound": rebound}).scene
-    found = find_windows(scene, [0.9, 0.95], [0.5, 1.0, 1.5, 2.0], ["ordered"])
-    unknown = found["holds"].values[0, 0] == -1
-    assert unknown.any()
-    (axes,) = stability_windows(found)
-    (mesh,) = axes.collections
-    np.testing.assert_array_equal(
-        np.ma.getmaskarray(mesh.get_array()).T.reshape(-1), ~unknown.ravel()
-    )
-    assert "undetermined" in labels(axes)
-
-
-def test_windows_of_another_forcing_have_its_axis_and_curves():
-    scene, scan = (
-        keyword_spec({"duration": 2000.0, "base": "moving"}).scene,
-        np.linspace(0.1, 2.0, 8),
-    )
-    found = find_windows(scene, [0.7, 0.8, 0.9], scan, ["locked(1)"], forcing="base_acceleration")
-    (axes,) = stability_windows(found)
-    assert r"$\Gamma$" in axes.get_ylabel()
-    ends = [*found["Gamma_min"].values.ravel(), *found["Gamma_max"].values.ravel()]
-    assert ends_of(axes) == pytest.approx(sorted(ends))
-    upper = axes.lines[-1]
-    e = upper.get_xdata()
-    exact = theory.amplitude_max(1, e, base="moving") * 2.0 * np.pi / (9.81 * (1.0 + e))
-    assert upper.get_ydata() == pytest.approx(exact, rel=1e-12)
 
 
 @pytest.mark.parametrize("width", [3.4, 7.0])
@@ -608,7 +569,7 @@ def test_any_number_of_conditions_and_any_mode_can_be_drawn(modes):
     names = [f"locked({k})" for k in modes]
     found = find_windows(SCENE, [0.5, 0.7, 0.95], np.linspace(0.05, 6.0, 12), names)
     figure = stability_windows(found)[0].figure
-    figure.savefig(io.BytesIO())
+    figure.draw_without_rendering()
     (axes,) = figure.axes
     assert len(labels(axes)) == len(names)
     handles = axes.get_legend().get_lines()
@@ -621,20 +582,6 @@ def test_a_bifurcation_diagram_says_how_many_orbits_are_unsettled():
         assert (diagram["regime"].values == Regime.UNSETTLED).any() == said
         upper, _ = bifurcation_diagram(diagram)
         assert upper.get_legend().get_title().get_text().endswith("of the orbits unsettled") == said
-
-
-def test_basins_are_named_with_their_fractions():
-    found = basins(
-        keyword_spec({"duration": 3000.0}).scene,
-        np.linspace(0.0, 0.95, 20),
-        np.linspace(0.0, 9.0, 15),
-    )
-    (axes,) = basins_of_attraction(found).figure.axes
-    assert len(labels(axes)) == found.sizes["attractor"]
-    first = float(found["fraction"][0])
-    assert labels(axes)[0].endswith(f"{100 * first:.3g} %")
-    mesh = axes.collections[0].get_array()
-    assert np.array_equal(np.asarray(mesh).ravel(), found["basin"].values.ravel())
 
 
 def test_colours_of_attractors_are_told_apart():

@@ -20,7 +20,6 @@ from tests.figures.test_drawn_orbits import (
 from vibrosweep import figures
 from vibrosweep.analysis import separations_against_chance
 
-WIDTHS = (3.4, 7.0)  # inches
 MOST_ENTRIES = 16  # of a legend
 
 
@@ -139,8 +138,7 @@ NAMES = (
 )
 
 
-@each_of("layout", [None, "constrained"])
-@each_of("width", WIDTHS)
+@each_of(("width", "layout"), [(3.4, None), (7.0, "constrained")])  # inches: of a column, a page
 @each_of("name", NAMES)
 def test_nothing_is_cut_and_the_axes_keep_their_share(name, width, layout, drawings):
     draw, count = drawings[name]

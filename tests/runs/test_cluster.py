@@ -165,6 +165,7 @@ def writing(client, write):
     return run
 
 
+@pytest.mark.weekly
 def test_a_chunk_that_kills_every_worker_is_reported(two, tmp_path, monkeypatch):
     # Dask gives a chunk up after four deaths; starting workers is what takes the time
     monkeypatch.setattr(two.cluster.scheduler, "allowed_failures", 0)

@@ -6,7 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import h5py
 import numpy as np
@@ -207,10 +207,11 @@ def test_a_replaced_variable_never_causes_a_traceback(sound, tmp_path, capsys, n
         for key in ("units", "long_name"):
             file[name].attrs[key] = attributes[key]
         del file["record"]  # whose figures take long
-    for words in (("figures", "-o", tmp_path / "f"), ("explore", "-o", tmp_path / "p.html")):
-        code = main([words[0], str(path), *map(str, words[1:])])
-        said = capsys.readouterr().err
-        assert code == 0 or (code == 2 and str(path) in said), (words[0], code, said)
+    code = main(["figures", str(path), "-o", str(tmp_path / "f")])
+    said = capsys.readouterr().err
+    assert code == 0 or (code == 2 and str(path) in said), (code, said)
+    with suppress(DataError), using(path):  # as `explore` does, whose page takes long
+        open_points(path)
 
 
 def readers(path):

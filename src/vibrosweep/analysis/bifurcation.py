@@ -33,6 +33,7 @@ from vibrosweep.errors import ParameterError
 from vibrosweep.kernels.memory import unwritten
 from vibrosweep.kernels.record import Record, Units
 from vibrosweep.kernels.settle import Orbits
+from vibrosweep.mistakes import argument
 from vibrosweep.model.forcing import FORCINGS, forcing_of
 from vibrosweep.model.measures import VARIABLES, Regime
 from vibrosweep.model.parameters import HIGH_BOUNCE, MAX_PERIODS, STAGGERED
@@ -94,7 +95,8 @@ def bifurcation(
     scene = settling(sweep, sweep.scene.inputs["restitution"])
     if not callable(observable) and observable not in tuple(OBSERVABLES):
         known = f"{', '.join(OBSERVABLES)}, or a function"
-        raise ParameterError(f"observable = {observable!r}: must be one of {known}")
+        rule = f"{observable!r}: must be one of {known}"
+        raise ParameterError(argument("observable"), rule)
     name = "observable" if callable(observable) else observable
     field, units, words = OBSERVABLES.get(name, ("", "1", name))
     many = replace(scene, particles=launches, launch=STAGGERED)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -10,8 +10,8 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import DataError
-from vibrosweep.mistakes import nearest
+from vibrosweep.errors import DataError, count
+from vibrosweep.mistakes import cut, nearest
 from vibrosweep.model.forcing import INPUTS
 from vibrosweep.model.measures import MEASURE_OF, RECORD, RESERVED, VARIABLES, Status
 from vibrosweep.store.arranged import require_dataset
@@ -49,6 +49,7 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
     """
     if wrong := "" if source else refused_ragged(dataset):
         raise DataError(f"{analysis} {wrong}")
+    require_names(analysis, names)
     absent = [name for name in names if name not in dataset.variables]
     if absent and source:
         raise DataError(
@@ -58,6 +59,13 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
         wanted = "; ".join(f"{name} ({remedy(name)})" for name in absent)
         noun = "variables" if len(absent) > 1 else "variable"
         raise DataError(f"{analysis} needs {noun} that the dataset lacks: {wanted}")
+
+
+def require_names(analysis: str, names: Iterable[object]) -> None:
+    """Raise a DataError for anything but a text in place of the name of a variable."""
+    for name in names:
+        if not isinstance(name, str):
+            raise DataError(f"{analysis}: {cut(repr(name))} is not the name of a variable")
 
 
 def refused_ragged(dataset: xr.Dataset) -> str:
@@ -135,7 +143,7 @@ def equal_parts(
     parameter is the same everywhere.  Realizations without results, as behind a mask, belong to no
     bin.
     """
-    values = per_realization(sweep, parameter)
+    bins, values = count("bins", bins), per_realization(sweep, parameter)
     held = np.isfinite(values)
     if "status" in sweep.variables:
         held &= sweep["status"].values != Status.REFUSED

@@ -71,6 +71,7 @@ from vibrosweep.kernels.closed import (
 )
 from vibrosweep.kernels.impact import base_of
 from vibrosweep.kernels.memory import require_written
+from vibrosweep.mistakes import argument
 from vibrosweep.model.forcing import AMPLITUDE, INPUTS, forcing_of, refuse_extreme
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import HIGH_BOUNCE, Dimensionless, dimensionless, taken
@@ -103,8 +104,9 @@ def orbits(sweep: Sweep, threads: int, *, impacts: int, periods: int, seeds: int
     for name, value, most in bounds:
         if value > most:
             raise ParameterError(
-                f"{name} = {value}: must be at most {most}, since the number of orbits grows "
-                f"exponentially with it"
+                argument(name),
+                f"{value}: must be at most {most}, since the number of orbits grows exponentially "
+                f"with it",
             )
     varied = design.take(0, design.realizations)
     quantities = scene.quantities(varied)
@@ -447,12 +449,14 @@ def _require(wanted: tuple[int, int], doublings: int, points: int) -> None:
         ("points", points, FEWEST_POINTS, 10**6),
     ):
         if not low <= value <= high:
-            raise ParameterError(f"{name} = {value}: must be at least {low} and at most {high}")
+            rule = f"{value}: must be at least {low} and at most {high}"
+            raise ParameterError(argument(name), rule)
     if wanted[0] * 2**doublings > LONGEST:
         raise ParameterError(
-            f"impacts = {wanted[0]} and doublings = {doublings}: these orbits have up to "
+            *(argument("impacts"), f"{wanted[0]} and ", argument("doublings")),
+            f"{doublings}: these orbits have up to "
             f"{wanted[0] * 2**doublings} impacts, and orbits are continued up to {LONGEST}; lower "
-            f"one of the two"
+            f"one of the two",
         )
 
 

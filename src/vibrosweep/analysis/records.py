@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from numbers import Integral
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vibrosweep.analysis.datasets import require, table, variable
 from vibrosweep.arrays import Array
-from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.errors import DataError, ParameterError, finite
 from vibrosweep.model.measures import (
     LANDING,
     OF_TRAJECTORIES,
@@ -195,7 +196,7 @@ def return_map(record: xr.Dataset, *, realization: int = 0, since: float = 0.0) 
     record = arranged(record)
     needed = ("landing_time", "rebound_velocity", "launch_velocity", "restitution", "rested")
     require(record, "return_map", *needed)
-    one = record.isel(realization=realization)
+    one, since = chosen(record, realization), finite("since", since)
     before, after, known = return_points(one)
     time, leaving = one["landing_time"].values, one["rebound_velocity"].values
     known &= time >= since
@@ -260,7 +261,7 @@ def landing_phases(record: xr.Dataset, *, realization: int = 0) -> xr.Dataset:
     """
     record = arranged(record)
     require(record, "landing_phases", "landing_time", "frequency", "phase")
-    one = record.isel(realization=realization)
+    one = chosen(record, realization)
     time = one["landing_time"].values
     landed = np.isfinite(time)
     particle, time = np.nonzero(landed)[0], time[landed]
@@ -304,7 +305,7 @@ def landing_separations(record: xr.Dataset, *, realization: int = 0) -> xr.Datas
     """
     record = arranged(record)
     require(record, "landing_separations", "landing_time")
-    time = record["landing_time"].isel(realization=realization).values
+    time = chosen(record, realization)["landing_time"].values
     landed = np.isfinite(time)
     particle, time = np.nonzero(landed)[0], time[landed]
     order = np.argsort(time, kind="stable")
@@ -370,6 +371,16 @@ def rectangle(record: xr.Dataset) -> xr.Dataset:
             attributes = {k: v for k, v in record[name].attrs.items() if k != SAMPLES}
             rectangles[name] = (dims, values.reshape(*shape, *values.shape[1:]), attributes)
     return record.drop_vars([*rectangles, *OF_TRAJECTORIES]).assign(rectangles)
+
+
+def chosen(record: xr.Dataset, realization: int) -> xr.Dataset:
+    """Select a realization of a record by position; raises a ParameterError if there is none."""
+    number = record.sizes["realization"]
+    if not isinstance(realization, Integral) or not -number <= realization < number:
+        raise ParameterError(
+            f"realization = {realization!r} is not in the record: give 0 to {number - 1}"
+        )
+    return record.isel(realization=realization)
 
 
 def as_rectangle(record: xr.Dataset) -> xr.Dataset:

@@ -30,9 +30,10 @@ from vibrosweep.analysis.datasets import (
     variable,
 )
 from vibrosweep.arrays import Array
-from vibrosweep.errors import DataError, ParameterError, require_one_of
+from vibrosweep.errors import DataError, ParameterError, count, finite, require_one_of
 from vibrosweep.mistakes import quoted
 from vibrosweep.model.measures import UNDETERMINED, VARIABLES, Regime, Status, known
+from vibrosweep.model.parameters import as_numbers
 from vibrosweep.store.arranged import arranged, flat, require_dataset, require_datasets
 
 __all__ = [
@@ -58,6 +59,7 @@ POINTS: Final = 0.1
 OFTEN: Final = 1.2
 # Rounding of shifted times, relative to the window
 ROUNDING: Final = 1e-13
+MOST: Final = 10**6  # surrogates
 _NAMES: Final = {
     "coincidence_rate": ("rate of coincidences of independent landings, Lambda", "s-1"),
     "dt_min": ("smallest separation in the window", "s"),
@@ -234,9 +236,8 @@ def _checked(
     """Return a sweep along one dim; raise an error if an argument is wrong or data are missing."""
     sweep = flat(sweep)
     require_one_of("measure", measure, MEASURES)
-    levels = np.asarray(quantiles)
-    numeric = levels.ndim == 1 and levels.dtype.kind in "iuf"
-    if not (numeric and np.all((levels >= 0.0) & (levels <= 1.0))):
+    levels = as_numbers("quantiles", quantiles)
+    if levels.ndim != 1 or not np.all((levels >= 0.0) & (levels <= 1.0)):
         raise ParameterError(
             f"quantiles = {quantiles!r}: must be a list of numbers, at least 0 and at most 1"
         )
@@ -331,7 +332,7 @@ def order_against_chance(
     DataError
         The record lacks a variable.
     ParameterError
-        The window is shorter than a forcing period, or `surrogates` is below 1.
+        The window is shorter than a forcing period, or an argument is not allowed.
 
     Examples
     --------
@@ -346,9 +347,8 @@ def order_against_chance(
     record = arranged(record)
     needed = ("landing_time", "rested", "frequency", "phase", "duration")
     require(record, "order_against_chance", *needed)
-    if surrogates < 1:
-        raise ParameterError(f"surrogates = {surrogates}: must be at least 1")
-    random = np.random.default_rng(seed)
+    surrogates, since = count("surrogates", surrogates, most=MOST), finite("since", since)
+    random = np.random.default_rng(count("seed", seed, 0))
     found = [
         _against_chance(record, i, since, random.integers(2**63, size=2), surrogates)
         for i in range(record.sizes["realization"])
@@ -596,7 +596,7 @@ def _of_windows(windows: xr.Dataset, parameter: str, of: str) -> xr.Dataset:
 
 
 def _require_name(of: str, names: tuple[str, ...]) -> None:
-    if of not in names:
+    if not isinstance(of, str) or of not in names:
         raise ParameterError(f"of = {of!r}: must be {quoted(names)}")
 
 

@@ -23,8 +23,8 @@ from vibrosweep.api.keyword_types import (
     completed,
 )
 from vibrosweep.api.sweeps import Spec, as_sweep, sweep, warned
-from vibrosweep.errors import ParameterError
-from vibrosweep.runs.driver import count, thread_count
+from vibrosweep.errors import ParameterError, count
+from vibrosweep.runs.driver import thread_count
 
 __all__ = [
     "basins",

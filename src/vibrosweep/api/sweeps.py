@@ -17,6 +17,7 @@ from vibrosweep.errors import (
     ExistingOutputError,
     ParameterError,
     ShortObservationWarning,
+    count,
 )
 from vibrosweep.kernels.statistics import compiled
 from vibrosweep.model.forcing import INPUTS
@@ -24,7 +25,6 @@ from vibrosweep.model.observables import Observable
 from vibrosweep.runs.driver import (
     added,
     cleared,
-    count,
     is_of,
     kept_text,
     origin,

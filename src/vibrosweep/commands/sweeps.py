@@ -111,13 +111,15 @@ def _output_of(options: argparse.Namespace) -> Path:
 def plan(options: argparse.Namespace) -> None:
     from vibrosweep.scene.sweep import read_spec
 
-    spec = read_spec(options.spec)
+    spec, output = read_spec(options.spec), _output_of(options)
+    from vibrosweep.store.disk import check_output
+
+    check_output(output, force=True, inputs=spec.inputs)  # an existing result may be planned again
     from vibrosweep.engine.workers import Workers
     from vibrosweep.runs.driver import available_threads
     from vibrosweep.runs.plan import estimate, make_plan, refined, require_disk, require_memory
     from vibrosweep.runs.result import notes
 
-    output = _output_of(options)
     with Workers(options.threads or available_threads()) as workers:
         made = make_plan(spec, workers, options.chunk)  # as a run makes it
         made = refined(spec, made, workers, SECONDS)

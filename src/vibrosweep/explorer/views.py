@@ -834,13 +834,13 @@ def fill(
     of its texts changes.
     """
     roots = [*left, *(root for motion in motions for root in motion.roots), *right]
+    first, *others = (motion.time for motion in motions)
+    for time in others:  # the first cursor moves the others
+        first.js_on_change("value", CustomJS(args={"time": time}, code=ALONG))
     with document.models.freeze():  # otherwise each root makes Bokeh gather all models again
         for root in roots:
             document.add_root(root)
     document.js_on_event(DocumentReady, *(motion.script for motion in motions))
-    first, *others = (motion.time for motion in motions)
-    for time in others:  # the first cursor moves the others
-        first.js_on_change("value", CustomJS(args={"time": time}, code=ALONG))
     return {
         "left": [root.name for root in left],
         "motions": [[root.name for root in motion.roots] for motion in motions],

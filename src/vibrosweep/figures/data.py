@@ -16,15 +16,17 @@ from vibrosweep.analysis.datasets import (
     per_realization,
     refused_ragged,
     remedy,
+    require_names,
 )
-from vibrosweep.analysis.records import moves, recoils
+from vibrosweep.analysis.records import chosen, moves, recoils
 from vibrosweep.arrays import Array
-from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.errors import DataError
 from vibrosweep.model.forcing import ACCELERATION, FORCINGS, INPUTS
 from vibrosweep.model.measures import Status, known
 from vibrosweep.model.parameters import HIGH_BOUNCE, MOUNT, NOISE, OF_RESTITUTION
 from vibrosweep.model.restitution_laws import CONSTANT, POINTS, law_in, name_of
 from vibrosweep.model.shapes import HARMONICS_NAME, SINE_NAME, name_in
+from vibrosweep.store.arranged import require_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -102,6 +104,7 @@ class Requirements:
         """Raise a DataError if anything is missing."""
         if wrong := refused_ragged(dataset):
             raise DataError(f"figure {figure} {wrong}")
+        require_names(f"figure {figure}", self.variables)
         reason = self.lacking(dataset)
         if reason is not None:
             raise DataError(f"figure {figure} needs {reason}")
@@ -182,6 +185,7 @@ def require_same_scene(
 
     Their scenes must be the same, and the values of those of the `parameters` that both have.
     """
+    require_dataset(under)
     for name, usual in SCENE.items():
         texts = [str(one.attrs.get(name, usual)) for one in (over, under)]
         if texts[0] != texts[1]:
@@ -221,13 +225,8 @@ def drawn_forcing(dataset: xr.Dataset) -> str | None:
 
 
 def one_realization(record: xr.Dataset, realization: int) -> xr.Dataset:
-    """Select a realization of a record by position; raises a ParameterError if there is none."""
-    count = record.sizes["realization"]
-    if not -count <= realization < count:
-        raise ParameterError(
-            f"realization = {realization} is not in the record: give 0 to {count - 1}"
-        )
-    one = record.isel(realization=realization)
+    """Select a realization of a record by position; raises an error if it has no results."""
+    one = chosen(record, realization)
     if "status" in one.variables and bool((one["status"] == Status.REFUSED).all()):
         raise DataError(f"realization {realization} of the record has no results")
     return one

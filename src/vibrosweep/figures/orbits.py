@@ -22,6 +22,7 @@ from vibrosweep.figures.style import Panels
 from vibrosweep.figures.sweeps import parameter_plane
 from vibrosweep.model.measures import Regime
 from vibrosweep.model.parameters import OF_RESTITUTION
+from vibrosweep.store.arranged import require_dataset
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -352,6 +353,7 @@ def orbit_boundaries(
         axes = style.axes_on(ax, style.PAGE, 3.6)
         data.name_axes(axes, boundaries, "restitution", forcing)
     else:
+        data.Requirements(("frequency", "gravity")).check("orbit_boundaries", sweep)
         data.require_same_scene("orbit_boundaries", boundaries, sweep, SHARED_BY_BOUNDARIES)
         forcing = data.drawn_forcing(sweep) or forcing
         data.Requirements((forcing,)).check("orbit_boundaries", boundaries)
@@ -654,6 +656,7 @@ def _draw_stable(
     axes: Axes, orbits: xr.Dataset, diagram: xr.Dataset, name: str, along: str
 ) -> None:
     """Draw the stable orbits that particles can follow, in black."""
+    require_dataset(orbits)
     figure, of_branches = "bifurcation_diagram", "branch" in orbits.dims
     (LINE_NEEDS if of_branches else ORBIT_NEEDS).check(figure, orbits)
     dims = [str(dim) for dim in orbits["admissible"].dims if dim not in ORBIT_DIMS]

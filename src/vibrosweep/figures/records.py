@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from numbers import Integral
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -28,7 +29,7 @@ from vibrosweep.analysis.records import (
     moves,
 )
 from vibrosweep.arrays import Array
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import ParameterError, finite
 from vibrosweep.figures import data, style
 from vibrosweep.model.orbit_theory import lower_end
 
@@ -128,6 +129,8 @@ def height_time(
     """
     HEIGHT_NEEDS.check("height_time", record)
     one = data.one_realization(record, realization)
+    if not (mark_landings is None or isinstance(mark_landings, bool)):
+        raise ParameterError(f"mark_landings = {mark_landings!r}: must be True, False or None")
     base, shown = base_motion(one, "height_time"), _shown(one, particles)
     one = one.isel(particle=shown)
     begin, stop = _window(one, until)
@@ -169,17 +172,19 @@ def _shown(one: xr.Dataset, particles: Sequence[int] | None) -> list[int]:
     count = one.sizes["particle"]
     if particles is None:
         return list(range(count))
-    if not particles or not all(0 <= i < count for i in particles):
+    given = particles if np.iterable(particles) else ()
+    shown = {int(i) for i in given if isinstance(i, Integral) and 0 <= i < count}
+    if not shown or not shown.issuperset(given):
         raise ParameterError(
-            f"particles = {list(particles)}: give at least one, and numbers from 0 to {count - 1}"
+            f"particles = {particles!r}: give at least one, and numbers from 0 to {count - 1}"
         )
-    return sorted(set(particles))
+    return sorted(shown)
 
 
 def _window(one: xr.Dataset, until: float | None) -> tuple[float, float]:
     duration = float(one["duration"])
     begin = min(0.0, float(one["launch_time"].values.min(initial=0.0)))
-    stop = duration if until is None else until
+    stop = duration if until is None else finite("until", until)
     if not begin < stop <= duration:
         raise ParameterError(
             f"until = {stop:g} s is outside the observation: give a time after {begin:g} s and at "

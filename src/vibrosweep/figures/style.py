@@ -459,7 +459,10 @@ def panels_on(
     """
     count = len({panel for row in mosaic for panel in row})
     if ax is not None:
-        given = np.asarray(ax, dtype=object).ravel()
+        try:
+            given = np.asarray(ax, dtype=object).ravel()
+        except TypeError:  # a dataset
+            given = np.empty(0, dtype=object)
         if given.size != count or not all(isinstance(one, Axes) for one in given):
             wanted = "axes of matplotlib" if count == 1 else f"{count} axes, one for each panel"
             raise ParameterError(f"ax = {ax}: give {wanted}")

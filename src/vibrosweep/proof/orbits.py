@@ -21,7 +21,7 @@ from vibrosweep.analysis.orbits import Plane
 from vibrosweep.analysis.windows import NO_WINDOW, OPEN_END, PROVED
 from vibrosweep.arrays import Array
 from vibrosweep.engine.workers import Workers
-from vibrosweep.errors import ParameterError
+from vibrosweep.errors import ParameterError, count
 from vibrosweep.kernels.bifurcations import (
     BORN,
     CORNER,
@@ -53,7 +53,6 @@ from vibrosweep.proof.reference.closed_orbits import (
 from vibrosweep.proof.reference.laws import Laws, wave_of
 from vibrosweep.proof.reference.motion import EPS
 from vibrosweep.proof.report import Judgement, Outcome, ProofState, Report, judge
-from vibrosweep.runs.driver import count
 from vibrosweep.scene.scene import Scene, stored
 from vibrosweep.store.reading import load_dataset
 from vibrosweep.waiting import Advance

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from vibrosweep.abilities import refusal
 from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import launch_times
-from vibrosweep.errors import DataError, ParameterError, SpecError, TableError
+from vibrosweep.errors import DataError, ParameterError, SpecError, TableError, count
 from vibrosweep.kernels.noise import (
     LARGEST,
     OF_DRIVE,
@@ -68,7 +68,6 @@ from vibrosweep.proof.reference.laws import Laws
 from vibrosweep.proof.reference.motion import Deviates
 from vibrosweep.proof.reference.trajectories import REFERENCE_OF, Reference
 from vibrosweep.proof.report import Judgement
-from vibrosweep.runs.driver import count
 from vibrosweep.runs.result import identity_in
 from vibrosweep.scene.design import Realizations, chosen, open_design
 from vibrosweep.scene.scene import Scene, stored

@@ -25,7 +25,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure_all
 from vibrosweep.engine.workers import Workers
-from vibrosweep.errors import DataError, ParameterError
+from vibrosweep.errors import DataError, ParameterError, count
 from vibrosweep.model.measures import (
     MEASURE_OF,
     MEASURES,
@@ -731,8 +731,8 @@ def verify(
     ...     print(vs.verify(f"{folder}/out.h5", observables=[longest]).passed)
     True
     """
-    if max_landings is not None and max_landings < 1:
-        raise ParameterError(f"max_landings = {max_landings!r}: must be at least 1")
+    if max_landings is not None:
+        max_landings = count("max_landings", max_landings)
     source = path_of("path", path)
     kind = read_kind(source)
     if kind.unverified:

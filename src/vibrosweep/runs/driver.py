@@ -12,7 +12,6 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,8 +28,9 @@ from vibrosweep.errors import (
     RunError,
     TakenOutputError,
     VibrosweepError,
+    count,
 )
-from vibrosweep.mistakes import FORCE, IMPACT_BUDGET, OUTPUT, Text, Value
+from vibrosweep.mistakes import FORCE, IMPACT_BUDGET, OUTPUT, Text
 from vibrosweep.runs.chunks import (
     Job,
     Runner,
@@ -58,6 +58,7 @@ from vibrosweep.runs.result import (
     Summary,
     declare,
     identity_in,
+    notes,
     summary_of,
     unsettled,
     write_result,
@@ -87,7 +88,7 @@ from vibrosweep.waiting import Advance, silent
 if TYPE_CHECKING:
     import xarray as xr
 
-__all__ = ["count", "thread_count"]
+__all__ = ["thread_count"]
 
 
 def available_threads() -> int:
@@ -100,25 +101,6 @@ def thread_count(threads: int | None) -> int:
     if threads is None:
         return available_threads()
     return count("threads", threads, most=MOST_THREADS)
-
-
-def count(name: str, value: object, least: int = 1, most: int | None = None) -> int:
-    """Return a whole number as a Python int, because numpy integers can overflow.
-
-    Raises a ParameterError unless it is an int or a numpy integer, from `least` to `most`.
-    """
-    if (
-        not isinstance(value, Integral)
-        or isinstance(value, bool)
-        or int(value) < least
-        or (most is not None and int(value) > most)
-    ):
-        upper = "" if most is None else f" and at most {most}"
-        given = Value(value)
-        raise ParameterError(
-            f"{name} = ", given, f": must be a whole number, at least {least}{upper}"
-        )
-    return int(value)
 
 
 def require_switch(name: str, value: object) -> None:
@@ -552,7 +534,11 @@ class Again:
             write_manifest(directory, manifest)
         if manifest is None:
             with result_file(output) as file:
-                return summary_of(file)
+                summary = summary_of(file)
+                recorded = file.groups["record"].attrs if spec.record is not None else {}
+                note = {"record": recorded["notes"]} if "notes" in recorded else {}
+            summary.notes = {**notes(spec, open_design(spec)), **note}
+            return summary
         job = Job(spec, Parts(directory, manifest), rows)
         run = KeptRun(output, open_design(spec), job, self.threads)
         summary = run.complete(self.runner, advance, _merged(run, np.asarray(rows)), force=True)

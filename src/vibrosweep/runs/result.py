@@ -574,7 +574,7 @@ def unsettled(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
 
 
 def summary_of(file: Any) -> Summary:
-    """Summarise an open result file."""
+    """Summarise an open result file, without its notes."""
     summary = Summary()
     names = [name for name in OF_REALIZATIONS if name in file.variables]
     for rows in slices(row_count(file)):
