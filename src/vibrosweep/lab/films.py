@@ -18,6 +18,7 @@ from vibrosweep.lab.ballistics import (
     BallInputs,
     Bounces,
     Input,
+    derivatives,
     drop_from_apex,
     flight_of,
     from_range,
@@ -458,14 +459,8 @@ def _fitted(
     covariance *= _inflation(left)
 
     rows, v = problem.bounces(p, metre)
-    steps = np.diag(1e-3 * np.sqrt(np.diag(covariance)))
-    jacobian = np.stack(
-        [
-            (problem.bounces(p + h, metre)[0] - problem.bounces(p - h, metre)[0]) / (2 * h.sum())
-            for h in steps
-        ],
-        axis=1,
-    )
+    steps = 1e-3 * np.sqrt(np.diag(covariance))
+    jacobian = derivatives(lambda at: problem.bounces(at, metre)[0], p, steps)
     pieces = zip(problem.pieces(p), _is_last(chains), strict=True)
     landings = [piece[4] for piece, last in pieces if not last]
     g = Input(float(p[0]), float(np.sqrt(covariance[0, 0])))
