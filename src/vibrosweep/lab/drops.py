@@ -25,7 +25,7 @@ from vibrosweep.lab.ballistics import (
 )
 from vibrosweep.lab.clicks import bounces_of_clicks
 from vibrosweep.lab.films import FilmFit, bounces_of_film
-from vibrosweep.lab.recordings import Recording
+from vibrosweep.lab.recordings import Recording, recordings_in
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
     LEAST_VISCOELASTIC,
@@ -739,7 +739,7 @@ def restitution(
             raise ParameterError(f"{name} = {instant!r}: must be a number, in s")
     inputs = ball_inputs(contact, mass, diameter, gravity, drop_height)
     inputs = replace(inputs, scale_from_gravity=scale_from_gravity)
-    used = [_cut(recording, begin, end) for recording in recordings]
+    used = [_cut(recording, begin, end) for recording in recordings_in(recordings)]
     fits: list[FilmFit] = []
     drops, remarks = bounces_of_clicks([r for r in used if r.height is None], inputs)
     for recording in used:
@@ -771,13 +771,9 @@ def _samples(fits: list[FilmFit], first: int) -> dict[str, Any]:
     if not fits:
         return {}
     owner = np.repeat(np.arange(first, first + len(fits)), [fit.time.size for fit in fits])
-    names = {"time": "time", "height": "height", "fitted": "fitted", "residual": "residual"}
-    return {
-        "sample_drop": ("sample", owner),
-        **{
-            f"sample_{name}": ("sample", np.concatenate([getattr(fit, field) for fit in fits]))
-            for name, field in names.items()
-        },
+    return {"sample_drop": ("sample", owner)} | {
+        f"sample_{name}": ("sample", np.concatenate([getattr(fit, name) for fit in fits]))
+        for name in ("time", "height", "fitted", "residual")
     }
 
 
