@@ -85,6 +85,19 @@ def test_restitution_needs_no_scale_and_scale_follows_from_gravity():
     assert restitution(film, scale_from_gravity=True).attrs["speed_known"]
 
 
+@pytest.mark.parametrize("unit", [1.0, 5e-4])
+def test_restitution_needs_no_frame_rate(unit):
+    """Drag and contact of films in frames are not pooled with those in seconds."""
+    setup = FloorExperiment(unit=unit, bounces=5, scatter=0.004, contact_time=5e-4)
+    timed = film_drops(setup, 2, seed=3)[0]
+    films = [replace(f, time=np.rint(f.time * setup.frame_rate), rate_known=False) for f in timed]
+    found, known = restitution(films), restitution(timed)
+    assert abs(off(found, 0.85)) < 3.0
+    assert float(found["restitution_error"]) < 3.0 * float(known["restitution_error"])
+    assert found["input"].values.tolist() == ["none"]
+    assert not found.attrs["speed_known"]
+
+
 def test_a_film_without_a_bounce_gives_the_scale():
     time = np.arange(40) / 100.0
     film = Recording("throw", "", time, 100 * time - 300 * time**2, None, False, True, 0.0, None)

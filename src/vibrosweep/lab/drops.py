@@ -345,7 +345,8 @@ class Pool:
         self.inputs = {
             name: one
             for name, one in every.items()
-            if one.error > 0.0 or any(name in drop.found for drop in drops)
+            if (one.error > 0.0 or any(name in drop.found for drop in drops))
+            and any(np.any(drop.inputs.get(name, 0.0)) for drop in drops)
         }
         self.prior = [1.0 if one.error > 0.0 else SMOOTH for one in self.inputs.values()]
         self.speed = np.concatenate([drop.speed for drop in drops])
