@@ -161,6 +161,10 @@ def test_each_part_prints_an_example_json_or_nothing(filmed, tmp_path, capsys, p
     }[part]
     words = ["lab", part, *map(str, words)]
     assert main([*words, "--json"]) == 0
-    assert isinstance(json.loads(capsys.readouterr().out), dict)
+    numbers = json.loads(capsys.readouterr().out)
+    if part == "impacts":
+        (one,) = numbers["recordings"]
+        assert one["base_motion"] == "level"
+        assert one["landings"] > 0
     assert main([*words, "--quiet"]) == 0
     assert capsys.readouterr().out == ""

@@ -16,7 +16,7 @@ from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.flights import Fits, meet
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts, impacts_of
-from vibrosweep.lab.lines import impact_lines
+from vibrosweep.lab.lines import impact_lines, impact_numbers
 from vibrosweep.lab.traces import make_trace, read_trace
 from vibrosweep.lab.trials import perform_trials
 
@@ -149,6 +149,17 @@ def test_the_report_states_the_motion_of_the_base(found):
     text = "\n".join(impact_lines(found))
     assert "the base moves: displacement 1.8" in text
     assert re.search(r"restitution 0\.(499|500|501)\d* ± 0\.00", text)
+    numbers, one = impact_numbers(found), estimate(found)
+    for name in ("restitution", "amplitude", "phase"):
+        own = one.sel(parameter=name, other=name)
+        assert numbers[name] == float(own["estimate"])
+        assert numbers[f"{name}_error"] == float(own["error"])
+    for name in ("base_displacement", "base_acceleration", "contact"):
+        assert numbers[name] == float(one[name])
+        assert numbers[f"{name}_error"] == float(one[f"{name}_error"])
+    assert numbers["frequency_used"] == FREQUENCY
+    assert numbers["landings"] == int(found["impact_count"].sum())
+    assert numbers["base_motion"] == "moving"
 
 
 def test_a_trace_of_the_base_determines_what_a_locked_orbit_does_not(tmp_path):
