@@ -97,10 +97,14 @@ def test_weights_phases_and_restitution_of_a_film_within_their_errors(film, meas
 
 
 def test_a_recording_is_compared_with_the_base_of_its_trace(film, measured):
-    known = {"restitution": 0.7, "amplitude": 0.17, "frequency": FREQUENCY, "contact_time": 2.5e-5}
-    tracks = film[1].tracks.isel(particle=[0])
-    table = compare_tracks(tracks, trace=measured, threads=1, **known)
+    """The parameters are estimated, and drawn within their errors."""
+    plan, tracks = film[0], film[1].tracks.isel(particle=[0])
+    table = compare_tracks(tracks, trace=measured, contact_time=2.5e-5, draws=3, threads=1)
     assert stored(table.attrs).tones[1][1:] == pytest.approx((0.4, 1.1), abs=0.02)
+    assert table.attrs["base_motion"] == table.attrs["favoured_base"] == "moving"
+    gamma = TWO_TONES.fall * FREQUENCY * 0.1 / plan.parameters["gravity"]
+    assert float(table["base_acceleration"][0]) == pytest.approx(gamma, rel=0.02)
+    assert 0.0 < float(table["base_acceleration_error"][0]) < 0.02
     assert (table["error"].sel(reading="ensemble") < 2.0).all()
 
 

@@ -10,7 +10,6 @@ import pytest
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.base_fit import Contacts, Oscillation, find_contacts, fit_base
-from vibrosweep.lab.compare import compare_tracks
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.fitting import Setup, fit_tracks
@@ -208,16 +207,6 @@ def test_files_without_a_trace_are_refused(text, message, tmp_path):
         path.write_text(text)
     with pytest.raises(TrackError, match=message):
         read_trace(path)
-
-
-def test_a_recording_is_compared_with_the_base_it_was_made_on():
-    tracks = film(0.4, 0.9, particles=2, length=2.0).tracks
-    table = compare_tracks(tracks, frequency=FREQUENCY, contact_time=2.5e-5, draws=4, threads=1)
-    assert table.attrs["base_motion"] == "moving"
-    assert table.attrs["favoured_base"] == "moving"
-    assert float(table["base_acceleration"][0]) == pytest.approx(0.4, rel=0.02)
-    assert 0.0 < float(table["base_acceleration_error"][0]) < 0.01
-    assert (table["error"].sel(reading="ensemble") < 1.0).all()
 
 
 # --- Contacts that last, and scatter of the restitution ---
