@@ -17,12 +17,11 @@ from pathlib import Path
 import numpy as np
 from scipy.special import betaincinv
 
-from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import TrackError
 from vibrosweep.figures.laboratory import errors_by_case, fitted_track
 from vibrosweep.figures.registry import save_formats
 from vibrosweep.figures.style import for_file
-from vibrosweep.lab.compare import QUANTITIES, ComparisonOptions, compare
+from vibrosweep.lab.compare import QUANTITIES, compare_tracks
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import (
     LABORATORY,
@@ -321,17 +320,14 @@ def cases(figures, duration):
             n: one.parameters[n] for n in ("restitution", "amplitude", "frequency", "contact_time")
         }
         recordings += [trial.tracks for trial in perform_trials(one)]
-    with Workers(2) as workers:
-        for method in ("fit", "sign_change"):
-            how = ComparisonOptions(known, method=method, setup=Setup(None, 1e-3, "level"))
-            table = compare(recordings, how, workers)
-            table.attrs |= {f"study_{q}": STUDY[q] for q in QUANTITIES}
-            print(f"\n{method}\n\n```\n" + "\n".join(table_lines(table)) + "\n```")
-            if figures:
-                table["case"] = [f"{letter}\nN = {count}" for letter, count in CASES.items()]
-                save_formats(
-                    for_file(errors_by_case, table), figures, f"laboratory_table4_{method}"
-                )
+    for method in ("fit", "sign_change"):
+        how = {"method": method, "exposure": 1e-3, "motion": "level", "threads": 2}
+        table = compare_tracks(recordings, **how, **known)
+        table.attrs |= {f"study_{q}": STUDY[q] for q in QUANTITIES}
+        print(f"\n{method}\n\n```\n" + "\n".join(table_lines(table)) + "\n```")
+        if figures:
+            table["case"] = [f"{letter}\nN = {count}" for letter, count in CASES.items()]
+            save_formats(for_file(errors_by_case, table), figures, f"laboratory_table4_{method}")
     return True
 
 

@@ -32,7 +32,7 @@ def irregular(trial):
 
 @pytest.fixture(scope="session")
 def found(irregular):
-    return find_impacts(irregular.tracks)
+    return find_impacts(irregular.tracks, frequency=20.0)
 
 
 @pytest.fixture(scope="session")

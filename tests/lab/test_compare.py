@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from vibrosweep.errors import ParameterError, TrackError
+from vibrosweep.errors import DataError, ParameterError, TrackError
 from vibrosweep.lab.compare import (
     READINGS,
-    ComparisonOptions,
     comparable,
-    compare,
+    compare_tracks,
     draw_parameters,
     first_flights,
     measured_means,
@@ -21,7 +20,6 @@ from vibrosweep.lab.compare import (
 )
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY
-from vibrosweep.lab.fitting import Setup
 from vibrosweep.lab.impacts import BOUNCED, STAYED, agreement, find_impacts, phases, quantities
 from vibrosweep.lab.lines import table_lines
 from vibrosweep.model.shapes import SINE
@@ -31,9 +29,15 @@ IRREGULAR = {**LABORATORY, "amplitude": 0.12, "restitution": 0.85}
 KNOWN = {"frequency": 20.0, "restitution": 0.9, "amplitude": 0.06, "contact_time": 2.5e-5}
 
 
-def test_a_locked_orbit_is_measured_and_predicted_at_its_closed_form(locked, workers):
+@pytest.fixture(scope="module")
+def regular(locked):
+    """The comparison of a locked orbit."""
+    return compare_tracks(locked.tracks, **KNOWN, threads=1)
+
+
+def test_a_locked_orbit_is_measured_and_predicted_at_its_closed_form(regular):
     """H_1 = g / (8 f^2) and the forcing period, independent of restitution and amplitude."""
-    table = compare([locked.tracks], ComparisonOptions(KNOWN), workers)
+    table = regular
     assert table["case"].values.tolist() == ["N=1"]
     assert all(variable.attrs for variable in table.data_vars.values())  # units, meanings
     height = float(locked_height(1, 20.0))
@@ -43,55 +47,52 @@ def test_a_locked_orbit_is_measured_and_predicted_at_its_closed_form(locked, wor
     assert float(table["compared"][0]) == 1.0
 
 
-def test_the_camera_explains_the_errors_it_makes(locked, workers):
+def test_the_camera_explains_the_errors_it_makes(locked, regular):
     """For single flights, whose errors are means over many draws of the noise."""
-    for method in ("fit", "sign_change"):
-        row = compare([locked.tracks], ComparisonOptions(KNOWN, method=method), workers).isel(
-            case=0
-        )
+    by_sign = compare_tracks(locked.tracks, method="sign_change", **KNOWN, threads=1)
+    for row in (regular.isel(case=0), by_sign.isel(case=0)):
         error = row["error"].sel(reading="flight", quantity="height")
         explained = np.hypot(row["frames"], row["pixels"]).sel(reading="flight", quantity="height")
         assert float(explained) == pytest.approx(float(error), rel=0.2)
 
 
-def test_estimated_parameters_predict_what_was_measured(irregular, workers):
-    table = compare([irregular.tracks], ComparisonOptions({"frequency": 20.0}, draws=8), workers)
+def test_estimated_parameters_predict_what_was_measured(irregular):
+    table = compare_tracks(irregular.tracks, frequency=20.0, draws=8, threads=1)
     assert float(table["restitution"][0]) == pytest.approx(0.85, abs=0.005)
     assert (table["error"].sel(reading="ensemble") < 1.0).all()
     assert (table["parameters"] > 0.0).all()
 
 
-def test_irregular_motion_is_reported_and_compared_by_distributions(trial, locked, workers):
+def test_irregular_motion_is_reported_and_compared_by_distributions(trial, regular):
     """Single flights cannot be predicted, but their distribution is close to the true one."""
     known = {**KNOWN, "restitution": 0.85, "amplitude": 0.2}
     film = trial(scene={**IRREGULAR, "amplitude": 0.2}, particles=2)
-    table = compare([film.tracks], ComparisonOptions(known), workers)
+    table = compare_tracks(film.tracks, **known, threads=1)
     assert float(table["irregular"][0]) > 0.5
     assert (table["distribution_distance"] < table["distribution_chance"]).all()
     assert float(table["distribution_chance"][0]) < 0.3
     text = "\n".join(table_lines(table))
     assert "is irregular" in text
     assert not re.search(r"N=2 height: .*flight", text)
-    regular = compare([locked.tracks], ComparisonOptions(KNOWN), workers)
     assert float(regular["irregular"][0]) == 0.0
     text = "\n".join(table_lines(regular))
     assert "irregular" not in text
     assert re.search(r"N=1 height: .*flight", text)
 
 
-def test_errors_of_the_camera_are_unknown_if_the_prediction_cannot_be_measured(irregular, workers):
+def test_errors_of_the_camera_are_unknown_if_the_prediction_cannot_be_measured(irregular):
     """The particles of this prediction come to rest after a few flights."""
     known = {**KNOWN, "restitution": 0.2, "amplitude": 0.03}
-    table = compare([irregular.tracks], ComparisonOptions(known), workers)
+    table = compare_tracks(irregular.tracks, **known, threads=1)
     assert "the errors of the camera are not known: the predicted motion" in table.attrs["warning"]
     assert np.isnan(table[["frames", "pixels"]].to_array()).all()
     assert (table["error"] > 50.0).all()
 
 
-def test_a_prediction_without_a_flight_is_refused(irregular, workers):
+def test_a_prediction_without_a_flight_is_refused(irregular):
     known = {**KNOWN, "restitution": 0.0, "amplitude": 0.0}
     with pytest.raises(ParameterError, match="none of the particles makes a whole flight"):
-        compare([irregular.tracks], ComparisonOptions(known), workers)
+        compare_tracks(irregular.tracks, **known, threads=1)
 
 
 def test_errors_by_hand(found):
@@ -150,18 +151,17 @@ def test_unphysical_draws_are_replaced_or_refused(found):
         draw_parameters(LABORATORY, scene, edge, 50)
 
 
-def test_recordings_that_cannot_be_compared_are_refused(locked, irregular, trial, workers):
-    with pytest.raises(ParameterError, match="does not determine restitution and amplitude"):
-        compare([locked.tracks], ComparisonOptions({"frequency": 20.0}), workers)
-    with pytest.raises(ParameterError, match="restitution is given alone"):
-        compare([locked.tracks], ComparisonOptions({"restitution": 0.9}), workers)
-    with pytest.raises(ParameterError, match="the frequency is missing"):
-        compare(
-            [locked.tracks], ComparisonOptions({"restitution": 0.9, "amplitude": 0.06}), workers
-        )
+def test_recordings_that_cannot_be_compared_are_refused(locked, trial):
+    for known, message in (
+        ({"frequency": 20.0}, "does not determine restitution and amplitude"),
+        ({"restitution": 0.9}, "restitution is given alone"),
+        ({"restitution": 0.9, "amplitude": 0.06}, "the frequency is missing"),
+    ):
+        with pytest.raises(ParameterError, match=message):
+            compare_tracks(locked.tracks, motion="level", **known)
     resting = trial(particles=1, scene={**LABORATORY, "amplitude": 0.12, "restitution": 0.8})
     with pytest.raises(TrackError, match="nothing can be compared"):
-        compare([resting.tracks], ComparisonOptions({**KNOWN, "restitution": 0.8}), workers)
+        compare_tracks(resting.tracks, **{**KNOWN, "restitution": 0.8})
 
 
 @pytest.mark.parametrize(
@@ -170,20 +170,34 @@ def test_recordings_that_cannot_be_compared_are_refused(locked, irregular, trial
         ({"draws": 1}, ParameterError, "draws = 1:"),
         ({"method": "parabola"}, TrackError, "method = 'parabola':"),
         ({"rebound": "stick"}, ParameterError, "rebound = 'stick':"),
-        ({"setup": Setup(motion="up")}, TrackError, "motion = 'up':"),
-        ({"setup": Setup(exposure=2.0)}, TrackError, r"exposure = 2\.0:"),
-        ({"setup": Setup(frequency=-1.0)}, ParameterError, r"frequency = -1\.0:"),
-        ({"known": {"gravity": 0.0}}, ParameterError, r"gravity = 0\.0:"),
+        ({"motion": "up"}, TrackError, "motion = 'up':"),
+        ({"exposure": 2.0}, TrackError, r"exposure = 2\.0:"),
+        ({"frequency": -1.0}, ParameterError, r"frequency = -1\.0:"),
+        ({"gravity": 0.0}, ParameterError, r"gravity = 0\.0:"),
+        ({"contact": 1e-3}, TrackError, "which counts over a moving base only"),
     ],
 )
-def test_impossible_options_are_refused(locked, workers, change, error, message):
+def test_impossible_options_are_refused(locked, change, error, message):
     with pytest.raises(error, match=message):
-        compare([locked.tracks], ComparisonOptions(**({"known": KNOWN} | change)), workers)
+        compare_tracks(locked.tracks, **(KNOWN | change))
 
 
-def test_nothing_to_compare(workers):
-    with pytest.raises(TrackError, match="there is no recording to compare"):
-        compare([], ComparisonOptions(KNOWN), workers)
+@pytest.mark.parametrize("recordings", ["x", 5, [5], None, [], [xr.Dataset()]])
+def test_nothing_to_compare(recordings):
+    with pytest.raises(TrackError, match=r"recordings: must be tracks|no recording to compare"):
+        compare_tracks(recordings, **KNOWN)
+
+
+def test_what_is_no_measurement_is_refused():
+    for wrong in (xr.Dataset({"flight_time": 0.5}), "x", None):
+        with pytest.raises(DataError, match=r"takes|is not a dataset"):
+            quantities(wrong)
+        with pytest.raises(DataError, match=r"takes|is not a dataset"):
+            agreement([wrong])
+        with pytest.raises(DataError, match=r"takes|is not a dataset"):
+            estimate(wrong)
+        with pytest.raises(DataError, match=r"takes|is not a dataset"):
+            comparable(wrong)
 
 
 def test_quantities_of_a_locked_orbit(locked):

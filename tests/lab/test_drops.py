@@ -1,6 +1,7 @@
 """A ball on a floor: films and times of impacts, with all effects seen in real recordings."""
 
 import json
+import re
 import tomllib
 from dataclasses import replace
 from unittest import mock
@@ -12,7 +13,15 @@ from scipy.integrate import solve_ivp
 
 from vibrosweep.cli import main
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab import FloorExperiment, Recording, drops, film_drops, hear_drops, restitution
+from vibrosweep.lab import (
+    FloorExperiment,
+    Recording,
+    drops,
+    film_drops,
+    hear_drops,
+    restitution,
+    times_on_shaker,
+)
 from vibrosweep.lab.ballistics import drop_from_apex, flight_of, nominal_of
 from vibrosweep.lab.lines import restitution_lines
 from vibrosweep.model.restitution_laws import numbers_of
@@ -54,11 +63,12 @@ def test_flights_with_drag_are_those_of_the_equation_of_motion(drag):
 def test_films_give_restitution_contact_time_and_drag_for_any_law_of_force():
     for contact in ("dashpot", "hertz"):
         setup = FloorExperiment(
-            contact=contact, contact_time=2e-3, terminal_speed=25.0, scatter=0.004, hands=True
+            **{"contact": contact, "contact_time": 2e-3, "terminal_speed": 25.0},
+            **{"scatter": 0.004, "hands": True, "bounces": 6},
         )
-        found = restitution(film_drops(setup, 3, seed=4)[0])
+        found = restitution(film_drops(setup, 2, seed=4)[0])
         assert abs(off(found, 0.85)) < 3.0
-        assert found.attrs["bounces"] == 24
+        assert found.attrs["bounces"] == 12
         drag = found.sel(input="drag")
         assert abs(float(drag["input_value"]) - 25.0**-2) < 4 * float(drag["input_error"])
         assert 1e-3 < float(found.sel(input="contact")["input_value"]) < 3e-3
@@ -73,6 +83,19 @@ def test_restitution_needs_no_scale_and_scale_follows_from_gravity():
     assert not found.attrs["speed_known"]
     assert "scale from gravity: 0.0005" in found.attrs["remarks"]
     assert restitution(film, scale_from_gravity=True).attrs["speed_known"]
+
+
+@pytest.mark.parametrize("unit", [1.0, 5e-4])
+def test_restitution_needs_no_frame_rate(unit):
+    """Drag and contact of films in frames are not pooled with those in seconds."""
+    setup = FloorExperiment(unit=unit, bounces=5, scatter=0.004, contact_time=5e-4)
+    timed = film_drops(setup, 2, seed=3)[0]
+    films = [replace(f, time=np.rint(f.time * setup.frame_rate), rate_known=False) for f in timed]
+    found, known = restitution(films), restitution(timed)
+    assert abs(off(found, 0.85)) < 3.0
+    assert float(found["restitution_error"]) < 3.0 * float(known["restitution_error"])
+    assert found["input"].values.tolist() == ["none"]
+    assert not found.attrs["speed_known"]
 
 
 def test_a_film_without_a_bounce_gives_the_scale():
@@ -108,7 +131,7 @@ def test_long_contacts_are_found_from_times_for_any_law_of_force():
     """The last flights of a few ms show a sign error of the contact time."""
     for contact in ("dashpot", "hertz"):
         setup = FloorExperiment(restitution=0.65, bounces=8, contact_time=4e-3, contact=contact)
-        found = restitution(hear_drops(setup, 8, seed=2)[0])
+        found = restitution(hear_drops(setup, 4, seed=2)[0])
         assert abs(off(found, 0.65)) < 3.0
         length = found.sel(input="contact")
         assert abs(float(length["input_value"]) - 4.5e-3) < 3 * float(length["input_error"]) + 5e-4
@@ -116,23 +139,24 @@ def test_long_contacts_are_found_from_times_for_any_law_of_force():
 
 def test_an_inclined_floor_is_found_from_x_and_y():
     for incline in (0.15, -0.3):
-        setup = FloorExperiment(incline=incline, scatter=0.003, bounces=5)
-        found = restitution(film_drops(setup, 2, seed=3)[0])
+        setup = FloorExperiment(incline=incline, scatter=0.003, bounces=4)
+        found = restitution(film_drops(setup, 1, seed=3)[0])
         assert abs(off(found, 0.85)) < 3.0
-        assert f"inclined by {abs(np.degrees(incline)):.2f}" in found.attrs["remarks"]
+        (degrees,) = re.findall(r"inclined by (\S+) degrees", found.attrs["remarks"])
+        assert float(degrees) == pytest.approx(abs(np.degrees(incline)), abs=0.05)
         assert found["drop_gravity"].values == pytest.approx(9.81 * np.cos(incline), abs=0.01)
 
 
 def test_a_drop_left_out_agrees_with_the_prediction_of_the_others():
     setup = FloorExperiment(scatter=0.006, drop_scatter=0.004, contact_time=5e-4)
     recordings = hear_drops(setup, 8, seed=6)[0]
-    within = 0
-    for k in range(8):
+    every, within = restitution(recordings, contact=5e-4), 0
+    for k in range(4):
         others = restitution([*recordings[:k], *recordings[k + 1 :]], contact=5e-4)
-        own = restitution([recordings[k]], contact=5e-4)
-        error = np.hypot(others["prediction_error"], own["drop_restitution_error"][0])
-        within += abs(float(others["restitution"] - own["restitution"])) < 2.0 * float(error)
-    assert within >= 7
+        error = np.hypot(others["prediction_error"], every["drop_restitution_error"][k])
+        apart = every["drop_restitution"][k] - others["restitution"]
+        within += abs(float(apart)) < 2.0 * float(error)
+    assert within >= 3
 
 
 def test_groups_named_in_files_are_measured_separately():
@@ -154,7 +178,7 @@ def test_missed_and_false_clicks_are_found():
 
 def test_times_determine_no_law_and_one_bounce_no_scatter():
     falling = FloorExperiment(slope=-0.02, scatter=0.003, contact_time=5e-4)
-    found = restitution(hear_drops(falling, 8, seed=2)[0], contact=5e-4)
+    found = restitution(hear_drops(falling, 6, seed=2)[0], contact=5e-4)
     assert found.attrs["dependence"] == "falls"
     assert not found.sizes["law"]
     one = restitution([clicks([0.0, 0.8, 1.48])], contact=5e-4)
@@ -166,9 +190,9 @@ def test_times_determine_no_law_and_one_bounce_no_scatter():
     assert float(fallen["restitution"]) == pytest.approx(0.866, abs=1e-3)
 
 
-@pytest.mark.parametrize("drift", [-2e-3, 2e-3])
-def test_a_camera_that_drifts_moves_neither_restitution_nor_contact(drift):
+def test_a_camera_that_drifts_moves_neither_restitution_nor_contact():
     """By mm per second; with a constant level the contact times would be biased."""
+    drift = -2e-3
     setup = FloorExperiment(restitution=0.8, contact_time=1e-3, noise=1e-4)
     films = [
         replace(film, height=film.height + drift * film.time)
@@ -186,7 +210,7 @@ def test_a_camera_that_drifts_moves_neither_restitution_nor_contact(drift):
 def test_the_grid_of_components_resolves_them_however_many_bounces():
     """Doubling the nodes changes errors by at most 5 %, and upper limits by at most a fifth."""
     rng, rows = np.random.default_rng(5), []
-    for n in (6, 6, 60, 60):
+    for n in (6, 6, 30, 30):
         clicks = np.diff(np.eye(n + 1), axis=0)
         timing = clicks @ clicks.T
         value = 0.8 + 0.006 * rng.standard_normal(n) + clicks @ rng.normal(0.0, 2e-3, n + 1)
@@ -236,6 +260,15 @@ def test_a_line_that_fits_is_stated_as_points_of_a_sweep():
 def test_inputs_are_checked(given, message):
     with pytest.raises(ParameterError, match=message):
         restitution([clicks([0.0, 0.8, 1.48])], **given)
+
+
+@pytest.mark.parametrize("recordings", ["clicks.csv", 5, None, [5], {}])
+def test_what_is_no_recording_is_refused(recordings):
+    for measure in (restitution, times_on_shaker):
+        with pytest.raises(TrackError, match=r"^recordings = .*: must be a list that read_recor"):
+            measure(recordings)
+    one = clicks([0.0, 0.8, 1.48])
+    assert restitution(one, contact=5e-4).equals(restitution([one], contact=5e-4))
 
 
 def test_the_command_measures_draws_and_prints_json(tmp_path, capsys):

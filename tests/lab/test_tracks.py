@@ -1,4 +1,4 @@
-"""Faulty tracks: one clear message each."""
+"""Faulty tracks: one clear message each, and defects that are reported."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.experiment import LABORATORY, Camera
 from vibrosweep.lab.impacts import find_impacts
-from vibrosweep.lab.tracks import make_tracks, table_to_tracks
+from vibrosweep.lab.tracks import find_swaps, make_tracks, remarks
 
 
 @pytest.fixture(scope="module")
@@ -23,47 +23,31 @@ def refusal(call, *arguments, **options):
     return message
 
 
-def test_no_positions():
-    assert "holds no positions" in refusal(table_to_tracks, [], [], [])
-    assert "holds no positions" in refusal(make_tracks, [0.0, 1.0], np.full((2, 1), np.nan))
-
-
-def test_a_particle_that_is_never_seen_and_shapes_and_names_that_differ():
+def test_arrays_that_hold_no_tracks():
     heights = np.array([[0.1, np.nan], [0.2, np.nan], [0.1, np.nan]])
-    assert "particle 1 has no position" in refusal(make_tracks, [0.0, 1.0, 2.0], heights)
-    assert "must be (frame, particle), with 3 frames" in refusal(
-        make_tracks, [0.0, 1.0, 2.0], heights[:, 0]
-    )
-    for names in (["a"], ["a", "a"]):
-        message = refusal(make_tracks, [0.0, 1.0, 2.0], np.nan_to_num(heights), names)
-        assert "give each of 2 particles a unique name" in message
+    times, numbers = [0.0, 1.0, 2.0], np.nan_to_num(heights)
+    for arguments, message in (
+        (([0.0, 1.0], np.full((2, 1), np.nan)), "holds no positions"),
+        ((times, heights), "particle 1 has no position that is a number"),
+        ((times, heights[:, 0]), "must be (frame, particle), with 3 frames"),
+        ((times, numbers, ["a"]), "give each of 2 particles a unique name"),
+        ((times, numbers, ["a", "a"]), "give each of 2 particles a unique name"),
+        (([0.0], numbers[:1]), "holds one frame only"),
+        (([0.0, 2.0, 1.0], numbers), "the times do not rise"),
+        (([0.0, 1.0], [[np.inf], [0.0]]), "a height is infinite"),
+        (("x", "y"), "times and heights must be numbers"),
+    ):
+        assert message in refusal(make_tracks, *arguments)
 
 
-def test_one_frame():
-    assert "holds one frame only" in refusal(table_to_tracks, [0.0, 0.0], [1, 2], [0.1, 0.2])
-
-
-def test_times_that_are_missing_fall_back_or_appear_twice():
-    times = [0.0, np.nan, 0.2]
-    assert "row 2 has no time" in refusal(table_to_tracks, times, [1, 1, 1], [0.1, 0.2, 0.3])
-    message = refusal(table_to_tracks, [0.0, 0.2, 0.1], [7, 7, 7], [0.1, 0.2, 0.3])
-    assert "particle 7 goes back in time, from 0.2 s to 0.1 s" in message
-    message = refusal(table_to_tracks, [0.0, 0.1, 0.1, 0.1], [7, 7, 7, 8], [0.1, 0.2, 0.3, 0.3])
-    assert "particle 7 has two positions at 0.1 s" in message
-    assert "give particles different names" in message
-
-
-def test_heights_that_are_no_numbers():
-    nan = float("nan")
-    message = refusal(table_to_tracks, [0.0, 0.1, 0.0, 0.1], [1, 1, 2, 2], [0.1, 0.2, nan, nan])
-    assert "particle 2 has no position that is a number" in message
-    assert "a height is infinite" in refusal(make_tracks, [0.0, 1.0], [[np.inf], [0.0]])
-
-
-@pytest.mark.parametrize("motion", ["level", "detect"])
 @pytest.mark.parametrize(
-    ("factor", "remedy"),
-    [(1000.0, "0.001"), (0.001, "1e+03"), (2.0, "0.5"), (1.5, "0.6"), (0.6, "1.7"), (0.25, "4")],
+    ("factor", "remedy", "motion"),
+    [
+        (1e3, "0.001", "level"),
+        (1e-3, "1e+03", "detect"),
+        (1.5, "0.6", "detect"),
+        (0.25, "4", "level"),
+    ],
 )
 def test_wrong_units_and_scales(sound, factor, remedy, motion):
     time, height = sound
@@ -84,10 +68,9 @@ def test_a_height_axis_that_points_down(sound):
     assert message.endswith("turn the axis")
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_flights_of_all_heights_upside_down(seed):
+def test_flights_of_all_heights_upside_down():
     """Upside down, the cusps of unequal flights scatter too much to contradict gravity."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     ends = np.cumsum(rng.uniform(0.03, 0.3, 60))  # s, of flights over a base at rest
     time = np.arange(0.0, ends[-2], 1.0 / 240.0)
     flight = np.searchsorted(ends, time)
@@ -96,7 +79,8 @@ def test_flights_of_all_heights_upside_down(seed):
     height += 1e-4 * rng.standard_normal(time.size)
     message = refusal(find_impacts, make_tracks(time, -height[:, np.newaxis]))
     assert "heights grow downwards" in message
-    assert np.isfinite(find_impacts(make_tracks(time, height[:, np.newaxis])).landing_time).any()
+    tracks = make_tracks(time, height[:, np.newaxis])
+    assert np.isfinite(find_impacts(tracks, motion="level").landing_time).any()
 
 
 def test_a_base_above_the_track(sound):
@@ -121,3 +105,83 @@ def test_particles_that_do_not_bounce():
     assert refusal(find_impacts, make_tracks(time, noise))
     assert refusal(find_impacts, make_tracks(time, np.zeros((1000, 1))))
     assert refusal(find_impacts, make_tracks(time[:6], np.linspace(0, 1, 6)[:, np.newaxis]))
+
+
+# --- Defects are reported for each particle, and no flight spans them ---
+
+
+def changed(tracks, change):
+    copy = tracks.copy(deep=True)
+    change(copy["height"].values)
+    return copy
+
+
+def test_gaps_lost_frames_and_a_particle_that_leaves(irregular, found):
+    def spoil(height):
+        height[500:540, 0] = np.nan
+        height[700, 0] = np.nan
+        height[1500:, 1] = np.nan
+        height[:300, 2] = np.nan
+
+    seen = find_impacts(changed(irregular.tracks, spoil), motion="level")
+    assert seen["frames_lost"].values.tolist() == [41, 0, 0]
+    assert seen["gaps"].values.tolist() == [1, 0, 0]
+    lines = "\n".join(remarks(seen))
+    time = irregular.tracks["time"].values
+    assert "particle 0: 41 of its frames lost; 1 gaps too long for finding a landing" in lines
+    assert f"particle 1: leaves the view at {time[1499]:.3f} s" in lines
+    assert f"particle 2: comes into view at {time[300]:.3f} s" in lines
+    landed = seen["landing_time"].values
+    assert not ((landed[0] > time[499]) & (landed[0] < time[540])).any()
+    assert np.nanmax(landed[1]) < time[1500]
+    assert np.nanmin(landed[2]) > time[299]
+    # nor is there a flight across the gap
+    over = (seen["liftoff_time"].values[0] < time[500]) & (seen["flight_time"].values[0] > 0.1)
+    assert not over.any()
+
+
+def exchangeable(height):
+    """Frames with particles 0 and 1 in flight, 20 times the noise apart, away from landings."""
+    low = np.minimum(height[:, 0], height[:, 1])
+    flying = np.minimum.reduce([low[:-4], low[1:-3], low[2:-2], low[3:-1]]) > 5e-4
+    apart = np.abs(height[:, 0] - height[:, 1])[2:-2] > 2e-3
+    return 2 + np.flatnonzero(flying & apart)
+
+
+def test_exchanged_names_are_found_if_both_particles_are_in_flight(irregular):
+    """Nothing is found if no names were exchanged."""
+    time, height = irregular.tracks["time"].values, irregular.tracks["height"].values
+    assert find_swaps(time, height, 1.04e-4, 0.0, 9.81) == []
+    rng = np.random.default_rng(0)
+    tried = rng.choice(exchangeable(height), 40, replace=False)
+    hits = 0
+    for frame in tried:
+        swapped = height.copy()
+        swapped[frame:, :2] = height[frame:, 1::-1]
+        hits += find_swaps(time, swapped, 1.04e-4, 0.0, 9.81) == [(frame, 0, 1)]
+    assert hits >= 37  # two tests at three standard deviations, each with 99.7 %
+
+
+def test_no_landing_is_sought_across_an_exchange(irregular):
+    height = irregular.tracks["height"].values
+    frame = int(exchangeable(height)[20])
+
+    def spoil(height):
+        height[frame:, :2] = height[frame:, 1::-1].copy()
+
+    seen = find_impacts(changed(irregular.tracks, spoil), motion="level")
+    assert seen["swaps"].values.tolist() == [1, 1, 0]
+    assert sum("exchanges its name" in line for line in remarks(seen)) == 2
+    when = irregular.tracks["time"].values[frame]
+    for p in (0, 1):
+        one = seen.isel(particle=p)
+        ends = one["liftoff_time"].values + one["flight_time"].values
+        assert not ((one["liftoff_time"].values < when - 0.005) & (ends > when + 0.005)).any()
+
+
+def test_lost_frames_cost_no_landings(trial):
+    complete = find_impacts(trial(seed=3).tracks, motion="level")
+    thinned = find_impacts(trial(seed=3, camera=Camera(dropped=0.05)).tracks, motion="level")
+    assert int(thinned["impact_count"].sum()) == pytest.approx(
+        int(complete["impact_count"].sum()), rel=0.03
+    )

@@ -21,7 +21,7 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.flights import contradicts
-from vibrosweep.lab.impacts import find_impacts, impacts_of
+from vibrosweep.lab.impacts import contact_of, find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.recordings import Recording
 from vibrosweep.lab.shaken_times import times_on_shaker
@@ -56,7 +56,7 @@ HARD = {
 }
 
 
-def film(base, values, rest, **changes):
+def film(base, values, rest, length=6.0, **changes):
     transient, rate, noise, seed = rest
     plan = Experiment(
         **dict(zip(NAMES, values, strict=True)),
@@ -64,7 +64,7 @@ def film(base, values, rest, **changes):
         particles=3,
         repeats=1,
         transient=transient,
-        duration=transient + 6.0,
+        duration=transient + length,
         camera=Camera(rate, pixel=noise, **changes),
         seed=seed,
     )
@@ -89,13 +89,17 @@ def fitted_base(distance, restitution=0.8, error=0.01):
     )
 
 
-@pytest.mark.parametrize("name", HARD)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=[pytest.mark.weekly] * (HARD[n][0] == "moving")) for n in HARD],
+)
 def test_bounces_too_low_to_be_seen_suggest_no_other_base_and_no_other_scale(name):
     base, values, rest = HARD[name]
-    fitted = fit_tracks(film(base, values, rest), G, Setup(frequency=values[2]))
+    tracks = film(base, values, rest)
+    fitted = fit_tracks(tracks, G, Setup(frequency=values[2]))
     assert fitted.favoured_base in ("undetermined", "moving" if base == "moving" else "level")
     assert fitted.flights.curvature == G
-    found = estimate(impacts_of(film(base, values, rest), fitted, G, "fit"), frequency=values[2])
+    found = estimate(impacts_of(tracks, fitted, G, "fit"), frequency=values[2])
     off = np.abs(found["estimate"].values[0] - values[0]) / found["error"].values[0]
     assert not int(found["determined"]) or off < 5.0
 
@@ -130,13 +134,13 @@ def test_most_bounces_decide_both_ways_unless_the_base_is_unphysical(share, many
 
 
 def test_bases_that_differ_by_noise_alone_are_decided_at_the_stated_rate():
-    """Three standard deviations, two-sided: 0.27 % of 4000 sets of independent contacts."""
+    """Three standard deviations, two-sided: 0.27 % of 2000 sets of independent contacts."""
     rng = np.random.default_rng(0)
     decisions = [
         _preferred(*(fitted_base(np.minimum(d, FAR)) for d in rng.chisquare(2.0, (2, 120))))
-        for _ in range(4000)
+        for _ in range(2000)
     ]
-    assert 1 <= 4000 - decisions.count("undetermined") <= 30
+    assert 1 <= 2000 - decisions.count("undetermined") <= 18
 
 
 def test_a_restitution_outside_its_range_is_never_reported_as_result():
@@ -162,12 +166,14 @@ def test_a_restitution_outside_its_range_is_never_reported_as_result():
     assert "restitution 1.03" not in text
 
 
-@pytest.mark.parametrize("base", ["high-bounce", "moving"])
-@pytest.mark.parametrize("error", [-0.15, 0.12, 0.3, -0.3])
+@pytest.mark.parametrize(
+    ("base", "error"),
+    [("high-bounce", 0.12), ("moving", -0.15), ("moving", 0.3), ("high-bounce", -0.3)],
+)
 def test_the_whole_correction_of_a_scale_is_limited(base, error):
     """The total correction is limited to a fifth, however many rounds contribute."""
     plan = (0.85, 0.2, 20.0, 0.3, 0.3), (0.0, 240.0, 5e-5, 3)
-    tracks = film(base, *plan, scale_error=error)
+    tracks = film(base, *plan, length=2.0, scale_error=error)
     if abs(error) > 0.2:
         with pytest.raises(TrackError, match="multiply the scale by about"):
             fit_tracks(tracks, G, Setup(frequency=20.0))
@@ -186,7 +192,7 @@ def test_restitutions_that_differ_widen_the_errors_as_their_scatter():
         particles=3,
         repeats=1,
         transient=0.0,
-        duration=6.0,
+        duration=3.0,
         variation=Variation(restitution_spread=0.03),
     )
     trial = perform_trials(plan)[0]
@@ -221,11 +227,10 @@ def test_errors_from_residuals_are_right_if_the_noise_differs_from_the_assumed_o
 def test_a_contact_time_is_used_refused_or_reported():
     """A film over a shaken base whose contacts are instantaneous, and times alone."""
     scene = {**LABORATORY, "restitution": 0.7, "amplitude": 0.2, "base": "moving"}
-    how = {"particles": 3, "repeats": 1, "transient": 0.0, "duration": 6.0}
+    how = {"particles": 2, "repeats": 1, "transient": 0.0, "duration": 3.0}
     plan = Experiment(**scene, **how)
     tracks = perform_trials(plan)[0].tracks
-    known = find_impacts(tracks, frequency=20.0)
-    assert find_impacts(tracks, frequency=20.0, contact=0).equals(known)
+    assert contact_of(0) == contact_of(None)
     found = find_impacts(tracks, frequency=20.0, contact=(2e-5, 2e-4))
     assert found["contact"] >= 0.0
     assert "contacts last at most" in "\n".join(impact_lines(found))

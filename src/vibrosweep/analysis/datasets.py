@@ -47,6 +47,7 @@ def require(dataset: xr.Dataset, analysis: str, *names: str, source: str = "") -
     >>> import vibrosweep as vs
     >>> vs.analysis.require(vs.simulate(), "echo", "landing_time")
     """
+    require_dataset(dataset)
     if wrong := "" if source else refused_ragged(dataset):
         raise DataError(f"{analysis} {wrong}")
     require_names(analysis, names)

@@ -10,75 +10,51 @@ from typing import TYPE_CHECKING, Final
 from vibrosweep.waiting import lazily
 
 if TYPE_CHECKING:
-    from vibrosweep.lab.compare import (
-        QUANTITIES,
-        READINGS,
-        comparable,
-        compare_tracks,
-        prediction_errors,
-    )
-    from vibrosweep.lab.drops import restitution
-    from vibrosweep.lab.estimation import estimate
-    from vibrosweep.lab.experiment import Camera, Experiment, Variation
-    from vibrosweep.lab.impacts import agreement, find_impacts, quantities
-    from vibrosweep.lab.recordings import Recording, read_recordings, read_tracks, tracks_from_frame
-    from vibrosweep.lab.shaken_times import times_on_shaker
-    from vibrosweep.lab.traces import read_trace
-    from vibrosweep.lab.tracks import make_tracks
-    from vibrosweep.lab.trials import perform_trials, predicted_means
-    from vibrosweep.lab.virtual_drops import FloorExperiment, film_drops, hear_drops
+    from vibrosweep.lab.compare import QUANTITIES as QUANTITIES
+    from vibrosweep.lab.compare import READINGS as READINGS
+    from vibrosweep.lab.compare import comparable as comparable
+    from vibrosweep.lab.compare import compare_tracks as compare_tracks
+    from vibrosweep.lab.compare import prediction_errors as prediction_errors
+    from vibrosweep.lab.drops import restitution as restitution
+    from vibrosweep.lab.estimation import estimate as estimate
+    from vibrosweep.lab.experiment import Camera as Camera
+    from vibrosweep.lab.experiment import Experiment as Experiment
+    from vibrosweep.lab.experiment import Variation as Variation
+    from vibrosweep.lab.impacts import agreement as agreement
+    from vibrosweep.lab.impacts import find_impacts as find_impacts
+    from vibrosweep.lab.impacts import quantities as quantities
+    from vibrosweep.lab.recordings import Recording as Recording
+    from vibrosweep.lab.recordings import read_recordings as read_recordings
+    from vibrosweep.lab.recordings import read_tracks as read_tracks
+    from vibrosweep.lab.recordings import tracks_from_frame as tracks_from_frame
+    from vibrosweep.lab.shaken_times import times_on_shaker as times_on_shaker
+    from vibrosweep.lab.traces import read_trace as read_trace
+    from vibrosweep.lab.tracks import make_tracks as make_tracks
+    from vibrosweep.lab.trials import perform_trials as perform_trials
+    from vibrosweep.lab.trials import predicted_means as predicted_means
+    from vibrosweep.lab.virtual_drops import FloorExperiment as FloorExperiment
+    from vibrosweep.lab.virtual_drops import film_drops as film_drops
+    from vibrosweep.lab.virtual_drops import hear_drops as hear_drops
 
-__all__ = [
-    "QUANTITIES",
-    "READINGS",
-    "Camera",
-    "Experiment",
-    "FloorExperiment",
-    "Recording",
-    "Variation",
-    "agreement",
-    "comparable",
-    "compare_tracks",
-    "estimate",
-    "film_drops",
-    "find_impacts",
-    "hear_drops",
-    "make_tracks",
-    "perform_trials",
-    "predicted_means",
-    "prediction_errors",
-    "quantities",
-    "read_recordings",
-    "read_trace",
-    "read_tracks",
-    "restitution",
-    "times_on_shaker",
-    "tracks_from_frame",
-]
-
+# Modules that define the public names
 _HOMES: Final = {
-    "Camera": "vibrosweep.lab.experiment",
-    "compare_tracks": "vibrosweep.lab.compare",
-    **dict.fromkeys(
-        ("QUANTITIES", "READINGS", "comparable", "prediction_errors"),
-        "vibrosweep.lab.compare",
-    ),
-    "estimate": "vibrosweep.lab.estimation",
-    **dict.fromkeys(("Experiment", "Variation"), "vibrosweep.lab.experiment"),
-    **dict.fromkeys(("perform_trials", "predicted_means"), "vibrosweep.lab.trials"),
-    "restitution": "vibrosweep.lab.drops",
-    **dict.fromkeys(
-        ("FloorExperiment", "film_drops", "hear_drops"), "vibrosweep.lab.virtual_drops"
-    ),
-    "times_on_shaker": "vibrosweep.lab.shaken_times",
-    "find_impacts": "vibrosweep.lab.impacts",
-    **dict.fromkeys(("agreement", "quantities"), "vibrosweep.lab.impacts"),
-    "Recording": "vibrosweep.lab.recordings",
-    "read_recordings": "vibrosweep.lab.recordings",
-    "read_trace": "vibrosweep.lab.traces",
-    **dict.fromkeys(("read_tracks", "tracks_from_frame"), "vibrosweep.lab.recordings"),
-    "make_tracks": "vibrosweep.lab.tracks",
+    name: f"vibrosweep.lab.{home}"
+    for home, names in {
+        "compare": "QUANTITIES READINGS comparable compare_tracks prediction_errors",
+        "drops": "restitution",
+        "estimation": "estimate",
+        "experiment": "Camera Experiment Variation",
+        "impacts": "agreement find_impacts quantities",
+        "recordings": "Recording read_recordings read_tracks tracks_from_frame",
+        "shaken_times": "times_on_shaker",
+        "traces": "read_trace",
+        "tracks": "make_tracks",
+        "trials": "perform_trials predicted_means",
+        "virtual_drops": "FloorExperiment film_drops hear_drops",
+    }.items()
+    for name in names.split()
 }
+__all__ = [*_HOMES]
 __getattr__ = lazily(__name__, _HOMES)
 
 

@@ -73,6 +73,13 @@ def drop_from_apex(since: Array, gravity: float, drag: float) -> Array:
     return np.asarray(((before + after) / (gravity * root**2)).real)
 
 
+def derivatives(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
+    """Return central differences by each variable, shape (value, variable)."""
+    return np.stack(
+        [(function(at + h) - function(at - h)) / (2.0 * h.sum()) for h in np.diag(steps)], axis=1
+    )
+
+
 # -----------------------------------------------------------------------------
 # Inputs known independently of the recordings, and the bounces that a recording yields.
 

@@ -16,7 +16,15 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.ballistics import POWER, BallInputs, Bounces, Input, flight_of, nominal_of
+from vibrosweep.lab.ballistics import (
+    POWER,
+    BallInputs,
+    Bounces,
+    Input,
+    derivatives,
+    flight_of,
+    nominal_of,
+)
 from vibrosweep.lab.recordings import Recording
 
 LATEST: Final = 1e11  # s; the spacing of doubles there is 15 us
@@ -175,14 +183,8 @@ def _bounces(
 
     about = seen + shift
     restitution, speed = values(about)
-    step = 1e-4 * float(np.diff(about).min())
-    moved = np.stack(
-        [
-            (values(about + h)[0] - values(about - h)[0]) / (2 * step)
-            for h in step * np.eye(seen.size)
-        ],
-        axis=1,
-    )
+    steps = np.full(seen.size, 1e-4 * float(np.diff(about).min()))
+    moved = derivatives(lambda times: values(times)[0], about, steps)
     slopes = {}
     for key, one in means.items():
         h = max(one.error, 1e-3 * one.value, 1e-5) * 0.01

@@ -10,7 +10,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.stats import ks_2samp
 
+from vibrosweep.analysis import require
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.engine.landings import all_parameters
 from vibrosweep.engine.measure import measure
@@ -22,7 +24,7 @@ from vibrosweep.lab.base_fit import Trace, law_of, law_text
 from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.experiment import LEVEL, Camera, Motion, film, heights, oscillating_surface
 from vibrosweep.lab.fitting import Setup, fit_tracks
-from vibrosweep.lab.impacts import BOUNCED, METHODS, harmonic_numbers, impacts_of
+from vibrosweep.lab.impacts import BOUNCED, METHODS, contact_of, harmonic_numbers, impacts_of
 from vibrosweep.lab.traces import polar, with_values
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.trials import wandering_record
@@ -49,7 +51,7 @@ from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.runs.driver import thread_count
 from vibrosweep.scene.scene import Scene, stored
 
-__all__ = ["compare", "compare_tracks"]
+__all__ = ["compare_tracks"]
 
 # -----------------------------------------------------------------------------
 # Errors of predicted heights and periods.
@@ -89,6 +91,7 @@ def comparable(impacts: xr.Dataset) -> NDArray[np.bool_]:
     >>> vs.lab.comparable(vs.lab.find_impacts(film[0].tracks)).shape
     (2,)
     """
+    require(impacts, "comparable", "quality", "flight_time", source="find_impacts")
     quality = impacts["quality"].values
     bounced = (quality == BOUNCED).sum(axis=1)
     flying = np.nansum(impacts["flight_time"].values, axis=1)
@@ -209,19 +212,11 @@ def parameters_of(
     Returns the known parameters, the scene, and the estimate of the others, None if all are known.
     """
     known = {name: p.default for name, p in PARAMETERS.items()} | dict(options.known)
-    stated = {"restitution", "amplitude"} & options.known.keys()
-    if len(stated) == 1:
-        raise ParameterError(
-            f"{stated.pop()} is given alone: give restitution and amplitude, or leave both to be "
-            f"estimated"
-        )
-    if not stated:
+    if "restitution" not in options.known:
         found = estimate(impacts, frequency=options.known.get("frequency"))
         law, speed = law_of(found)
         known |= {} if law == CONSTANT else {SPEED: speed}
         return known, scene_of(impacts, options.rebound, stored(found.attrs), law), found
-    if "frequency" not in options.known:
-        raise ParameterError("the frequency is missing: give it with restitution and amplitude")
     if impacts.attrs["base_motion"] == "moving":
         values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
         plain, _, shape = polar(values, covariance, harmonic_numbers(impacts))
@@ -495,6 +490,7 @@ def compare_tracks(
     exposure: float = 0.0,
     motion: str = "detect",
     trace: Trace | None = None,
+    contact: float | tuple[float, float] | None = None,
     rebound: str = "rest",
     restitution_law: str = CONSTANT,
     draws: int = DRAWS,
@@ -508,7 +504,7 @@ def compare_tracks(
     ----------
     recordings
         Tracks, as `read_tracks` returns them, of one recording or of several.
-    method, base, exposure, motion, trace
+    method, base, exposure, motion, trace, contact
         As in `find_impacts`.
     rebound
         Law of rebound, ``"rest"`` or ``"reflect"``.
@@ -570,23 +566,17 @@ def compare_tracks(
         if name not in KNOWN:
             raise ParameterError(f"{name}: is not a parameter; known are {', '.join(KNOWN)}")
         require_parameter(name, value)
-    if isinstance(recordings, xr.Dataset):
-        recordings = [recordings]
-    setup = Setup(base, exposure, motion, known.get("frequency"), trace)
+    recordings = [recordings] if isinstance(recordings, xr.Dataset) else recordings
+    if not isinstance(recordings, Sequence) or not all(
+        isinstance(one, xr.Dataset) and "height" in one for one in recordings
+    ):
+        raise TrackError("recordings: must be tracks that read_tracks returns, or a list of them")
+    frequency = known.get("frequency")
+    setup = Setup(base, exposure, motion, frequency, trace, contact_of(contact))
     options = ComparisonOptions(known, method, setup, draws, rebound, seed, restitution_law)
-    with Workers(thread_count(threads)) as workers:
-        return compare(recordings, options, workers)
-
-
-def compare(
-    recordings: Sequence[xr.Dataset], options: ComparisonOptions, workers: Workers
-) -> xr.Dataset:
-    """Compare recordings with prediction, case by case; a case is a number of particles.
-
-    Recordings are tracks from `read_tracks`; result and errors are those of `compare_tracks`.
-    """
     _check(recordings, options)
-    found = [_compare_recording(tracks, options, workers) for tracks in recordings]
+    with Workers(thread_count(threads)) as workers:
+        found = [_compare_recording(tracks, options, workers) for tracks in recordings]
     counts = sorted({int(row["particles"]) for row in found})
     repeats = ([row for row in found if row["particles"] == count] for count in counts)
     table = xr.concat(map(_case, repeats), "case")
@@ -630,6 +620,14 @@ def _check(recordings: Sequence[xr.Dataset], options: ComparisonOptions) -> None
         )
     if wrong := range_mistake(law, np.array(options.known.get("restitution", 1.0))):
         raise ParameterError(wrong)
+    stated = {"restitution", "amplitude"} & options.known.keys()
+    if len(stated) == 1:
+        raise ParameterError(
+            f"{stated.pop()} is given alone: give restitution and amplitude, or leave both to be "
+            f"estimated"
+        )
+    if stated and "frequency" not in options.known:
+        raise ParameterError("the frequency is missing: give it with restitution and amplitude")
 
 
 def _compare_recording(
@@ -731,11 +729,11 @@ def _distributions(
 
 def _distance(one: Array, other: Array) -> float:
     """Return the largest difference of two cumulative distributions; NaN without a flight."""
-    if not one.size or not other.size:
-        return float("nan")
-    places = np.concatenate([one, other])
-    shares = [np.searchsorted(np.sort(part), places, "right") / part.size for part in (one, other)]
-    return float(np.max(np.abs(shares[0] - shares[1])))
+    return (
+        float(ks_2samp(one, other, method="asymp").statistic)
+        if one.size and other.size
+        else float("nan")
+    )
 
 
 def _table(

@@ -25,7 +25,7 @@ from vibrosweep.lab.ballistics import (
 )
 from vibrosweep.lab.clicks import bounces_of_clicks
 from vibrosweep.lab.films import FilmFit, bounces_of_film
-from vibrosweep.lab.recordings import Recording
+from vibrosweep.lab.recordings import Recording, recordings_in
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
     LEAST_VISCOELASTIC,
@@ -345,7 +345,8 @@ class Pool:
         self.inputs = {
             name: one
             for name, one in every.items()
-            if one.error > 0.0 or any(name in drop.found for drop in drops)
+            if (one.error > 0.0 or any(name in drop.found for drop in drops))
+            and any(np.any(drop.inputs.get(name, 0.0)) for drop in drops)
         }
         self.prior = [1.0 if one.error > 0.0 else SMOOTH for one in self.inputs.values()]
         self.speed = np.concatenate([drop.speed for drop in drops])
@@ -739,7 +740,7 @@ def restitution(
             raise ParameterError(f"{name} = {instant!r}: must be a number, in s")
     inputs = ball_inputs(contact, mass, diameter, gravity, drop_height)
     inputs = replace(inputs, scale_from_gravity=scale_from_gravity)
-    used = [_cut(recording, begin, end) for recording in recordings]
+    used = [_cut(recording, begin, end) for recording in recordings_in(recordings)]
     fits: list[FilmFit] = []
     drops, remarks = bounces_of_clicks([r for r in used if r.height is None], inputs)
     for recording in used:
@@ -771,13 +772,9 @@ def _samples(fits: list[FilmFit], first: int) -> dict[str, Any]:
     if not fits:
         return {}
     owner = np.repeat(np.arange(first, first + len(fits)), [fit.time.size for fit in fits])
-    names = {"time": "time", "height": "height", "fitted": "fitted", "residual": "residual"}
-    return {
-        "sample_drop": ("sample", owner),
-        **{
-            f"sample_{name}": ("sample", np.concatenate([getattr(fit, field) for fit in fits]))
-            for name, field in names.items()
-        },
+    return {"sample_drop": ("sample", owner)} | {
+        f"sample_{name}": ("sample", np.concatenate([getattr(fit, name) for fit in fits]))
+        for name in ("time", "height", "fitted", "residual")
     }
 
 

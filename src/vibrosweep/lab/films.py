@@ -18,6 +18,7 @@ from vibrosweep.lab.ballistics import (
     BallInputs,
     Bounces,
     Input,
+    derivatives,
     drop_from_apex,
     flight_of,
     from_range,
@@ -236,6 +237,7 @@ def slope_of_floor(contacts: list[Contact], time: Array, horizontal: Array, nois
 CONTACT_ERROR: Final = 0.02  # s: wide prior of the contact time in a film, for the pooled fit
 UNRESOLVED: Final = 0.1  # error of e from which a bounce is not resolved
 DRIFT: Final = 0.005  # prior of the drift of the level in a film, in units of the range of heights
+RATE: Final = 120.0  # frames per second that are assumed for the drag if they are not known
 COMMON: Final = 6  # parameters of all flights: curvature, level, contact, drag, p, drift
 
 
@@ -441,46 +443,44 @@ def _fitted(
     tilt: float,
 ) -> tuple[Bounces | None, FilmFit | None, str]:
     time, height, middle = track
-    # m per unit; from gravity, unless the scale of the file is used
-    metre = 1.0 if recording.scale_known and not inputs.scale_from_gravity else 0.0
-    metre = metre or inputs.gravity.value / curvature
+    own, timed = recording.scale_known and not inputs.scale_from_gravity, recording.rate_known
+    rate = 1.0 if timed else RATE
+    # m/s per unit of speed; from gravity, unless the scale of the file is used
+    metre = rate if own else inputs.gravity.value / curvature / rate
     drag = inputs.drag or from_range(*DRAG)
     wide = Input(drag.value * metre**2, max(20.0 * drag.error, 1e-6) * metre**2)
     step = float(np.median(np.diff(time)))
-    frames = Input(0.5 * step, 2.0 * step)  # where the frame rate is not known
-    contact = Input(inputs.contact.value, CONTACT_ERROR) if recording.rate_known else frames
+    # without a frame rate contacts last for up to a few frames
+    contact = Input(inputs.contact.value, CONTACT_ERROR) if timed else Input(0.5 * step, 2.0 * step)
     drift = Input(0.0, DRIFT * float(np.ptp(height) / np.ptp(time)))
     problem = _Problem(time, height, chains, curvature, (contact, wide, POWER, drift))
     try:
-        p, covariance, members, left, noise = problem.solve()
+        # trial values of the fit may be impossible
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            p, covariance, members, left, noise = problem.solve()
     except (np.linalg.LinAlgError, ValueError):
         return None, None, f"{recording.name}: no bounce; its flights do not fit one floor"
     covariance *= _inflation(left)
 
     rows, v = problem.bounces(p, metre)
-    steps = np.diag(1e-3 * np.sqrt(np.diag(covariance)))
-    jacobian = np.stack(
-        [
-            (problem.bounces(p + h, metre)[0] - problem.bounces(p - h, metre)[0]) / (2 * h.sum())
-            for h in steps
-        ],
-        axis=1,
-    )
+    steps = 1e-3 * np.sqrt(np.diag(covariance))
+    jacobian = derivatives(lambda at: problem.bounces(at, metre)[0], p, steps)
     pieces = zip(problem.pieces(p), _is_last(chains), strict=True)
     landings = [piece[4] for piece, last in pieces if not last]
     g = Input(float(p[0]), float(np.sqrt(covariance[0, 0])))
-    n, means = v.size, {"contact": inputs.contact if recording.rate_known else frames, "drag": drag}
+    n, means = v.size, {"contact": inputs.contact, "drag": drag}
     slopes = {key: np.zeros(n + 2) for key in means}
     slopes["contact"][n] = slopes["drag"][n + 1] = 1.0
-    own = recording.scale_known and not inputs.scale_from_gravity
-    unit = metre if own else inputs.gravity.value / g.value
+    unit = 1.0 if own else inputs.gravity.value / g.value
     inclined = [f"the floor is inclined by {abs(np.degrees(tilt)):.2f} degrees"] if tilt else []
     every = np.concatenate(members)
     fit = FilmFit(
         time[every] + middle, height[every], left, height[every] - left, noise, float(p[1]), g
     )
     fixed = jacobian @ covariance @ jacobian.T
-    resolved = np.append(np.diag(fixed)[:n] < UNRESOLVED**2, [True, True])
+    # in frames, contact and drag have no meaning beyond this film
+    resolved = np.append(np.diag(fixed)[:n] < UNRESOLVED**2, [timed, timed])
+    measured = {name: rows[n + k] - means[name].value for k, name in enumerate(means)}
     if not resolved[:n].any():
         text = _scale_text(recording, g, inputs)
         return None, fit, f"{recording.name}: no bounce is resolved; {text}"
@@ -494,8 +494,8 @@ def _fitted(
         fixed=fixed[np.ix_(resolved, resolved)],
         timing=np.zeros((resolved.sum(), resolved.sum())),
         inputs={key: slope[resolved] for key, slope in slopes.items()},
-        found={"contact": rows[n] - means["contact"].value, "drag": rows[n + 1] - drag.value},
-        speed_known=recording.rate_known and (recording.scale_known or inputs.scale_from_gravity),
+        found=measured if timed else {},
+        speed_known=timed and (recording.scale_known or inputs.scale_from_gravity),
         gravity=g,
         remarks=(_scale_text(recording, g, inputs), *inclined),
     )

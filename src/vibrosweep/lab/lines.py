@@ -234,6 +234,20 @@ def impact_lines(impacts: xr.Dataset) -> list[str]:
     return lines + [f"  {remark}" for remark in remarks(impacts)]
 
 
+def impact_numbers(impacts: xr.Dataset) -> dict[str, Any]:
+    """Return the numbers of `impact_lines`, with their errors."""
+    numbers: dict[str, Any] = {str(name): value for name, value in impacts.attrs.items()}
+    numbers["landings"] = int(impacts["impact_count"].sum())
+    if impacts.attrs["base_motion"] == "level":
+        return numbers
+    found = estimate(impacts)
+    for name in found["parameter"].values:
+        one = found.sel(parameter=name, other=name)
+        numbers |= {name: float(one["estimate"]), f"{name}_error": float(one["error"])}
+    numbers |= {str(name): one.item() for name, one in found.data_vars.items() if not one.dims}
+    return numbers | found.attrs
+
+
 def _base_lines(impacts: xr.Dataset) -> list[str]:
     """Report the motion of the base."""
     if impacts.attrs["base_motion"] == "level":

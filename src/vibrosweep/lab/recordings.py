@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import xarray as xr
@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 
 from vibrosweep.arrays import Array, Flags
 from vibrosweep.errors import TrackError, require_one_of
-from vibrosweep.lab.tracks import FRAME_RATES, table_to_tracks, with_mark
+from vibrosweep.lab.tracks import FRAME_RATES, make_tracks, with_mark
+from vibrosweep.lab.variables import require_name, require_number
+from vibrosweep.mistakes import cut
 from vibrosweep.scene.tables import (
     MISSING,
     PIXELS,
@@ -46,6 +48,8 @@ __all__ = ["read_tracks", "tracks_from_frame"]
 
 AXES: Final = ("up", "down")
 SENTINELS: Final = (0.0, -1.0)  # placeholders for lost positions in some programs
+# Frames per second in Hz, m per unit, and a height in units
+RANGES: Final = (("frame_rate", *FRAME_RATES), ("scale", 1e-30, 1e30), ("base", -1e30, 1e30))
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,42 +94,17 @@ class Reading:
     base: float | None = None  # the zero of heights, in units of the file
 
     def __post_init__(self) -> None:
-        lowest, highest = FRAME_RATES
-        if self.frame_rate is not None and not lowest <= self.frame_rate <= highest:
-            raise TrackError(
-                f"frame_rate = {self.frame_rate:g}: must be {lowest:g} to {highest:g} Hz"
-            )
-        if self.scale is not None and not 0.0 < self.scale < np.inf:
-            raise TrackError(f"scale = {self.scale:g}: must be a finite number above 0")
-        if self.base is not None and not np.isfinite(self.base):
-            raise TrackError(f"base = {self.base:g}: must be a finite number")
+        for name, low, high in RANGES:
+            if (value := getattr(self, name)) is not None:
+                require_number(name, value, low, high, error=TrackError)
         require_one_of("axis", "up" if self.axis is None else self.axis, AXES, TrackError)
         for name in ("column", "particle", "sheet"):
-            if getattr(self, name) == "":
-                raise TrackError(f"{name}: is empty; give its name, or leave it out")
+            require_name(name, getattr(self, name))
 
 
-@dataclass(frozen=True)
-class Track:
-    """A track in units of its file."""
-
-    time: Array
-    height: Array
-    horizontal: Array | None
-
-
-def convert(
-    track: Track,
-    head: Heading,
-    how: Reading,
-    image: bool,
-    name: str,
-    group: str,
-    label: str,
-    about: dict[str, Any],
-) -> Recording:
-    """Convert a track to m, upwards; `image` is True for rows of pixels counted downwards."""
-    pixels = head.unit.lower() in PIXELS
+def convert(track: Recording, head: Heading, how: Reading) -> Recording:
+    """Convert the heights of a track, in units of its file, to m, upwards."""
+    name, pixels = track.name, head.unit.lower() in PIXELS
     factor = (1.0, 1.0) if pixels else length_factor(head.unit)
     if factor is None:
         raise TrackError(
@@ -135,8 +114,8 @@ def convert(
     if how.scale is not None:
         factor = (how.scale, 1.0)
     stated = bool(head.unit) and not pixels
-    known = how.scale is not None or stated or (head.text.lower() == "height" and not image)
-    height, horizontal, remarks = track.height.copy(), track.horizontal, []
+    known = how.scale is not None or stated or (head.text.lower() == "height" and not track.pixels)
+    height, horizontal, remarks = np.array(track.height), track.horizontal, []
     for value in SENTINELS:
         lost = _lost_positions(height, value)
         if lost.any():
@@ -145,7 +124,7 @@ def convert(
                 f"{name}: {lost.sum()} heights are {value:g}, far from the neighbouring ones: "
                 f"taken for lost positions"
             )
-    up = how.axis or ("down" if image else "up")
+    up = how.axis or ("down" if track.pixels else "up")
     sign = 1.0 if up == "up" else -1.0
     with np.errstate(over="ignore"):
         if horizontal is not None:
@@ -153,17 +132,8 @@ def convert(
         height = sign * (height - (how.base or 0.0)) * factor[0] / factor[1]
     if np.isinf(height).any() or (horizontal is not None and np.isinf(horizontal).any()):
         raise TrackError(f"{name}: positions are too large for the computation; check the scale")
-    return Recording(
-        name,
-        group,
-        track.time,
-        height,
-        horizontal,
-        peaks=None,
-        label=label,
-        pixels=image,
-        remarks=tuple(remarks),
-        **{**about, "scale_known": known},
+    return replace(
+        track, height=height, horizontal=horizontal, scale_known=known, remarks=tuple(remarks)
     )
 
 
@@ -370,39 +340,19 @@ def _moving_tracks(
     tracks: list[dict[float, tuple[float, float]]], source: str, how: Reading, remarks: list[str]
 ) -> list[Recording]:
     """Make recordings of the moving tracks; the others are marks."""
-    arrays = [
-        Track(
-            np.array(sorted(t)) / (how.frame_rate or 1.0),
-            np.array([t[f][1] for f in sorted(t)]),
-            np.array([t[f][0] for f in sorted(t)]),
-        )
-        for t in tracks
-    ]
-    moves = [float(np.ptp(a.height)) if a.height.size else 0.0 for a in arrays]
-    balls = [k for k, move in enumerate(moves) if move > STILL * max(moves, default=0.0)]
-    if how.particle is not None:
-        balls = [k for k, move in enumerate(moves) if move]
-    about: dict[str, Any] = {
-        "scale_known": False,
-        "rate_known": how.frame_rate is not None,
-        "rounding": 0.0,
-    }
-    head = Heading("Y", "height", "px", "")
+    moves = [float(np.ptp([y for _, y in t.values()])) if t else 0.0 for t in tracks]
+    least = STILL * max(moves, default=0.0) if how.particle is None else 0.0
+    balls = [k for k, move in enumerate(moves) if move > least]
     several = len(balls) > 1 or how.particle is not None
-    found = [
-        convert(
-            arrays[k],
-            head,
-            how,
-            True,
-            f"{source}, track {k + 1}" if several else source,
-            "",
-            str(k + 1),
-            about,
-        )
-        for k in balls
-        if arrays[k].time.size > 1
-    ]
+    timed = how.frame_rate is not None
+    found = []
+    for k in balls:
+        frames = sorted(tracks[k])
+        x, y = np.array([tracks[k][frame] for frame in frames]).T
+        time = np.array(frames) / (how.frame_rate or 1.0)
+        name = f"{source}, track {k + 1}" if several else source
+        ball = Recording(name, "", time, y, x, False, timed, 0.0, None, str(k + 1), pixels=True)
+        found.append(convert(ball, Heading("Y", "height", "px", ""), how))
     if not found:
         raise TrackError(f"{source}: holds no track that moves; check the file")
     still = len([t for t in tracks if t]) - len(balls)
@@ -514,8 +464,25 @@ def read_recordings(
     array([0.281, 1.092, 1.817, 2.46 ])
     """
     how = Reading(scale, frame_rate, axis, column, particle, sheet)
-    files = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    return [recording for path in files for recording in read_file(Path(path), how)]
+    return [recording for path in files_of(paths) for recording in read_file(path, how)]
+
+
+def files_of(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> list[Path]:
+    """Return the paths of one file or several."""
+    try:
+        return [Path(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
+    except TypeError:
+        raise TrackError(f"paths = {paths!r}: must be a file, or several in a list") from None
+
+
+def recordings_in(recordings: Sequence[Recording]) -> list[Recording]:
+    """Check that an argument holds results of `read_recordings`."""
+    several = [recordings] if isinstance(recordings, Recording) else recordings
+    if not isinstance(several, Sequence) or not all(isinstance(r, Recording) for r in several):
+        raise TrackError(
+            f"recordings = {cut(repr(recordings))}: must be a list that read_recordings returns"
+        )
+    return list(several)
 
 
 def read_file(path: Path, how: Reading) -> list[Recording]:
@@ -584,13 +551,9 @@ def recordings_of(table: Cells, how: Reading) -> Iterator[Recording]:
             yield from _recording(table, headings, one, clock, rows, how, str(name))
 
 
-@dataclass(frozen=True)
-class _Clock:
-    """Times of the rows of a table, in s, or in frames if the frame rate is not known."""
-
-    time: Array
-    known: bool
-    rounding: float
+# Times of the rows of a table in s, or in frames if their rate is not known; whether it is known;
+# and the rounding of the times (s)
+_Clock = tuple[Array, bool, float]
 
 
 def _times(table: Cells, headings: list[Heading], one: Columns, how: Reading) -> _Clock:
@@ -603,8 +566,7 @@ def _times(table: Cells, headings: list[Heading], one: Columns, how: Reading) ->
     time = table.numbers(place)
     factor = time_factor(head.unit)
     if head.role == "frame" or head.unit.lower() in ("frame", "frames"):
-        known = how.frame_rate is not None
-        return _Clock(time / (how.frame_rate or 1.0), known, 0.0)
+        return time / (how.frame_rate or 1.0), how.frame_rate is not None, 0.0
     if factor is None:
         raise TrackError(
             f'{table.source}: column "{head.text}" is in {head.unit!r}; known units of time: s, '
@@ -613,7 +575,7 @@ def _times(table: Cells, headings: list[Heading], one: Columns, how: Reading) ->
     step = rounding_of(c for c in table.column(place) if c.lower() not in MISSING)
     time, step = time * factor[0] / factor[1], step * factor[0] / factor[1]
     if one.height is None:
-        return _Clock(time, True, step)
+        return time, True, step
     seen = np.isfinite(time)
     stamps, index = np.unique(time[seen], return_inverse=True)
     even, rate = even_times(stamps, step, how.frame_rate)
@@ -622,7 +584,7 @@ def _times(table: Cells, headings: list[Heading], one: Columns, how: Reading) ->
     if how.frame_rate is not None and abs(rate / how.frame_rate - 1.0) > 1e-12:
         even = even * (rate / how.frame_rate)
     time[seen] = even[index]
-    return _Clock(time, True, step)
+    return time, True, step
 
 
 def _recording(
@@ -636,12 +598,9 @@ def _recording(
 ) -> Iterator[Recording]:
     """Yield the recording of some rows; several if times restart after an empty line."""
     name = f"{table.source}, {label}" if label else table.source
-    time = clock.time[rows]
-    about: dict[str, Any] = {
-        "scale_known": False,
-        "rate_known": clock.known,
-        "rounding": clock.rounding,
-    }
+    every, known, rounding = clock
+    time = every[rows]
+    raw = Recording(name, table.sheet, time, None, None, False, known, rounding, None, label)
     if one.height is None:
         seen = np.isfinite(time)
         time, rows = time[seen], rows[seen]
@@ -659,9 +618,7 @@ def _recording(
             if part.size < 2:
                 continue
             tail = f" part {n}" if len(parts) > 1 else ""
-            yield Recording(
-                name + tail, table.sheet, part, None, None, peaks=None, label=label + tail, **about
-            )
+            yield replace(raw, name=name + tail, time=part, label=label + tail)
         return
     head = headings[one.height]
     height = table.numbers(one.height)[rows]
@@ -672,18 +629,23 @@ def _recording(
         raise TrackError(f"{table.source}: line {line} has no time; give that of every position")
     valid = np.flatnonzero(np.isfinite(time))
     valid = valid[np.argsort(time[valid], kind="stable")] if _numbered(headings) else valid
-    track = Track(time[valid], height[valid], None if horizontal is None else horizontal[valid])
-    falls = np.flatnonzero(np.diff(track.time) <= 0.0)
+    falls = np.flatnonzero(np.diff(time[valid]) <= 0.0)
     if falls.size:
         line = table.lines[rows[valid[falls[0] + 1]]]
         raise TrackError(
-            f"{table.source}: line {line}: the time {track.time[falls[0] + 1]:.6g} s is not after "
+            f"{table.source}: line {line}: the time {time[valid[falls[0] + 1]]:.6g} s is not after "
             f"the one before; sort the rows by time, or name the particle in a column"
         )
-    if track.time.size < 2:
+    if valid.size < 2:
         return
-    image = head.unit.lower() in PIXELS or _numbered(headings)
-    yield convert(track, head, how, image, name, table.sheet, label, about)
+    track = replace(
+        raw,
+        time=time[valid],
+        height=height[valid],
+        horizontal=None if horizontal is None else horizontal[valid],
+        pixels=head.unit.lower() in PIXELS or _numbered(headings),
+    )
+    yield convert(track, head, how)
 
 
 def _with_last_impact(
@@ -782,7 +744,7 @@ def read_tracks(
     ...     vs.lab.read_tracks(f"{folder}/track.csv").height.dims
     ('frame', 'particle')
     """
-    files = [Path(p) for p in ([paths] if isinstance(paths, str | os.PathLike) else paths)]
+    files = files_of(paths)
     how = Reading(scale, frame_rate, axis, column, particle, sheet, base)
     found = [read_file(path, how) for path in files]
     if len(found) > 1:
@@ -842,6 +804,8 @@ def tracks_from_frame(
     ('frame', 'particle')
     """
     how = Reading(scale, frame_rate, axis, base=base)
+    if not hasattr(table, "columns"):
+        raise TrackError(f"{source}: must be a pandas.DataFrame, not {type(table).__name__}")
     text = table.astype(object).where(table.notna(), "").astype(str)
     cells = Cells(
         source,
@@ -878,15 +842,23 @@ def _joined(found: list[Recording], source: str, frame_rate: float | None) -> xr
     with contextlib.suppress(ValueError):
         names = [float(label or 0) for label in labels]
         names = [int(label or 0) for label in labels]
-    owner = np.repeat(
-        np.array(names, object if isinstance(names[0], str) else None), [h.size for h in heights]
+    if len({*names}) < len(names):
+        raise TrackError(
+            f"{source}: holds several tracks with the same name; choose one by its sheet (sheet=, "
+            f"--sheet), or name the particle in a column"
+        )
+    particles, order = np.unique(
+        np.array(names, object if isinstance(names[0], str) else None), return_index=True
     )
-    time = np.concatenate([one.time for one in found])
-    origin = origin_of(np.unique(time))
+    time, frame = np.unique(np.concatenate([one.time for one in found]), return_inverse=True)
+    origin = origin_of(time)
     if origin:  # there the spacing of doubles is 0.2 us
-        stamps, index = np.unique(time, return_inverse=True)
-        time = even_times(stamps - origin, 4.0 * float(np.spacing(abs(origin))))[0][index]
-    tracks = table_to_tracks(time, owner, np.concatenate(heights), source)
+        time = even_times(time - origin, 4.0 * float(np.spacing(abs(origin))))[0]
+    grid = np.full((time.size, len(found)), np.nan)
+    grid[frame, np.repeat(np.arange(len(found)), [h.size for h in heights])] = np.concatenate(
+        heights
+    )
+    tracks = make_tracks(time, grid[:, order], particles, source)
     if origin:
         tracks.attrs["origin"] = origin
     if frame_rate is not None:

@@ -33,7 +33,7 @@ from vibrosweep.lab.drops import (
     weighted_residuals,
     without_row,
 )
-from vibrosweep.lab.recordings import Recording
+from vibrosweep.lab.recordings import Recording, recordings_in
 from vibrosweep.lab.variables import require_parameter, require_range_of_frequencies
 
 __all__ = ["times_on_shaker"]
@@ -335,6 +335,7 @@ def times_on_shaker(
     >>> round(float(found.frequency), 2), round(float(found.restitution), 3)
     (20.0, 0.8)
     """
+    recordings = recordings_in(recordings)
     require_range_of_frequencies(frequency_range)
     require_parameter("gravity", gravity)
     if frequency is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -15,7 +14,9 @@ from scipy.optimize import least_squares
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.base_fit import TWO_PI, Trace
+from vibrosweep.lab.recordings import files_of
 from vibrosweep.lab.tracks import check_size, rate_of
+from vibrosweep.lab.variables import require_name
 from vibrosweep.model.shapes import HARMONICS_NAME, MOST_HARMONICS, SINE, Waveform
 from vibrosweep.scene.tables import origin_of, read_content, strongest_rate
 from vibrosweep.scene.traces import series_of, waves
@@ -81,9 +82,11 @@ def read_trace(path: str | os.PathLike[str], *, column: str | None = None) -> Tr
     >>> round(float(frequency), 6)
     20.0
     """
-    source = str(Path(path))
+    require_name("column", column)
+    (file,) = files_of([path])
+    source = str(file)
     try:
-        time, values, quantity = series_of(read_content(Path(path)), source, QUANTITIES, column)
+        time, values, quantity = series_of(read_content(file), source, QUANTITIES, column)
     except ValueError as error:
         raise TrackError(str(error)) from error
     return make_trace(time, values, quantity, source)

@@ -13,7 +13,7 @@ from vibrosweep.errors import TrackError
 from vibrosweep.lab.flights import GAP_FRAMES
 from vibrosweep.scene.tables import even_times
 
-__all__ = ["FRAME_RATES", "check_size", "make_tracks", "rate_of", "table_to_tracks"]
+__all__ = ["FRAME_RATES", "check_size", "make_tracks", "rate_of"]
 
 # -----------------------------------------------------------------------------
 # Tracks as a checked dataset: height against time for each particle.
@@ -61,8 +61,10 @@ def make_tracks(
     >>> make_tracks(time, height[:, np.newaxis]).height.shape
     (60, 1)
     """
-    times = np.asarray(time, dtype=np.float64)
-    heights = np.asarray(height, dtype=np.float64)
+    try:
+        times, heights = (np.asarray(values, dtype=np.float64) for values in (time, height))
+    except (TypeError, ValueError):
+        raise TrackError(f"{source}: times and heights must be numbers") from None
     if not times.size or not heights.size or not np.isfinite(heights).any():
         raise TrackError(f"{source}: holds no positions; check the file and its columns")
     if heights.ndim != 2 or len(heights) != times.size:
@@ -98,47 +100,6 @@ def make_tracks(
         },
         attrs={"frame_rate": frame_rate, "source": source},
     )
-
-
-def table_to_tracks(
-    time: ArrayLike, particle: ArrayLike, height: ArrayLike, source: str = "tracks"
-) -> xr.Dataset:
-    """Make tracks from a table with one row per position.
-
-    `particle` holds names or numbers.  The times (s) of each particle increase; heights (m,
-    upwards) are NaN where it is not visible.  `source` names the tracks in messages.  Raises a
-    TrackError if times are missing, decrease or appear twice, or if a particle is never visible.
-    """
-    times = np.asarray(time, dtype=np.float64)
-    heights = np.asarray(height, dtype=np.float64)
-    owner = np.asarray(particle)
-    if not times.size:
-        raise TrackError(f"{source}: holds no positions; check the file and its columns")
-    bad = np.flatnonzero(~np.isfinite(times))
-    if bad.size:
-        raise TrackError(
-            f"{source}: row {bad[0] + 1} has no time{_more(bad)}; give the time of every position"
-        )
-    names, index = np.unique(owner, return_inverse=True)
-    order = np.argsort(index, kind="stable")
-    steps, same = np.diff(times[order]), np.diff(index[order]) == 0
-    wrong = np.flatnonzero(same & (steps <= 0.0))
-    if wrong.size:
-        before, after = order[wrong[0]], order[wrong[0] + 1]
-        who = f"{source}: particle {names[index[before]]}"
-        if times[before] == times[after]:
-            raise TrackError(
-                f"{who} has two positions at {times[before]:.6g} s{_more(wrong)}; leave one "
-                f"position per frame, or give particles different names"
-            )
-        raise TrackError(
-            f"{who} goes back in time, from {times[before]:.6g} s to {times[after]:.6g} s"
-            f"{_more(wrong)}; sort the rows by time, or give particles different names"
-        )
-    axis, frame = np.unique(times, return_inverse=True)
-    grid = np.full((axis.size, names.size), np.nan)
-    grid[frame, index] = heights
-    return make_tracks(axis, grid, names, source)
 
 
 def with_mark(tracks: xr.Dataset, name: str) -> xr.Dataset:

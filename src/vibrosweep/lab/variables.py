@@ -7,7 +7,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any, Final
 
-from vibrosweep.errors import ParameterError, VibrosweepError
+from vibrosweep.errors import ParameterError, TrackError, VibrosweepError
 from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
 
 LARGEST: Final = 1e9  # of any argument in SI units
@@ -27,6 +27,12 @@ def require_number(
     if not (isinstance(value, Integral if whole else Real) and low <= value <= high):  # type: ignore[operator]
         kind = "a whole number" if whole else "a number"
         raise error(f"{name} = {value!r}: must be {kind}, at least {low:g} and at most {high:g}")
+
+
+def require_name(name: str, value: object) -> None:
+    """Raise an error unless an argument is a text or None."""
+    if value is not None and not (isinstance(value, str) and value):
+        raise TrackError(f"{name} = {value!r}: must be a name; leave it out for all")
 
 
 def require_parameter(name: str, value: object, *, of: str = "") -> None:
