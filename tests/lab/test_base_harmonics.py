@@ -98,7 +98,7 @@ def test_weights_phases_and_restitution_of_a_film_within_their_errors(film, meas
 
 def test_a_recording_is_compared_with_the_base_of_its_trace(film, measured):
     """The parameters are estimated, and drawn within their errors."""
-    plan, tracks = film[0], film[1].tracks.isel(particle=[0])
+    plan, tracks = film[0], film[1].tracks.isel(particle=[0], frame=slice(0, 400))
     table = compare_tracks(tracks, trace=measured, contact_time=2.5e-5, draws=3, threads=1)
     assert stored(table.attrs).tones[1][1:] == pytest.approx((0.4, 1.1), abs=0.02)
     assert table.attrs["base_motion"] == table.attrs["favoured_base"] == "moving"
@@ -114,8 +114,8 @@ def marked(film, tmp_path_factory):
     tracks, path = film[1].tracks, tmp_path_factory.mktemp("marked") / "film.csv"
     time, rng = tracks["time"].values, np.random.default_rng(3)
     mark = oscillating_surface(film[0].parameters, TWO_TONES).height(time) - 0.02
-    columns = [*tracks["height"].values.T, mark + 1e-4 * rng.standard_normal(time.size)]
-    names = ["a", "b", "table"]
+    columns = [tracks["height"].values[:, 0], mark + 1e-4 * rng.standard_normal(time.size)]
+    names = ["a", "table"]
     rows = [
         pd.DataFrame({"time": time, "particle": n, "height": y})
         for n, y in zip(names, columns, strict=True)
@@ -129,7 +129,7 @@ def test_a_mark_on_the_base_shows_its_harmonics(marked, tmp_path, capsys):
     assert main(["lab", "impacts", str(marked), "--base-track", "table", "-o", out]) == 0
     assert "harmonics of its velocity: 1 of weight 1; 2 of 0." in capsys.readouterr().out
     with xr.open_dataset(out) as found:
-        assert found["particle"].values.tolist() == ["a", "b"]
+        assert found["particle"].values.tolist() == ["a"]
         one = estimate(found.load())
     for name, value in TRUTH.items():
         own = one.sel(parameter=name)

@@ -85,6 +85,15 @@ def test_restitution_needs_no_scale_and_scale_follows_from_gravity():
     assert restitution(film, scale_from_gravity=True).attrs["speed_known"]
 
 
+def test_a_soft_floor_is_not_taken_for_an_inclined_one():
+    """Parabolas meet the deeper below it the faster the ball is, while the ball drifts sideways."""
+    setup = FloorExperiment(restitution=0.6, contact_time=5e-3, bounces=3, noise=5e-5)
+    film = film_drops(setup, 1, seed=3)[0][0]
+    found = restitution([replace(film, horizontal=4e-3 * film.time)])
+    assert "inclined" not in found.attrs["remarks"]
+    assert abs(off(found, 0.6)) < 4.0
+
+
 @pytest.mark.parametrize("unit", [1.0, 5e-4])
 def test_restitution_needs_no_frame_rate(unit):
     """Drag and contact of films in frames are not pooled with those in seconds."""

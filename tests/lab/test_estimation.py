@@ -179,7 +179,6 @@ def film(base, law, seed=0):
         ("moving", PLASTIC),
         pytest.param("moving", VISCOELASTIC, marks=pytest.mark.weekly),
         ("level", "constant"),
-        pytest.param("level", PLASTIC, marks=pytest.mark.weekly),
         ("level", VISCOELASTIC),
     ],
 )

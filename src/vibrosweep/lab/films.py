@@ -238,6 +238,10 @@ CONTACT_ERROR: Final = 0.02  # s: wide prior of the contact time in a film, for 
 UNRESOLVED: Final = 0.1  # error of e from which a bounce is not resolved
 DRIFT: Final = 0.005  # prior of the drift of the level in a film, in units of the range of heights
 RATE: Final = 120.0  # frames per second that are assumed for the drag if they are not known
+# A floor is inclined if a level one leaves residuals larger by the first factor, or less than the
+# second share of the positions in flights
+WORSE: Final = 1.5
+EXPLAINED: Final = 0.9
 COMMON: Final = 6  # parameters of all flights: curvature, level, contact, drag, p, drift
 
 
@@ -251,6 +255,10 @@ class FilmFit(NamedTuple):
     noise: float
     level: float
     gravity: Input
+
+
+# The bounces of a film, its fit, and a remark if it has none
+_OfFilm = tuple[Bounces | None, FilmFit | None, str]
 
 
 class _Problem:
@@ -372,9 +380,7 @@ class _Problem:
         return p, covariance, members, left, noise
 
 
-def bounces_of_film(
-    recording: Recording, inputs: BallInputs, tilt: float = 0.0
-) -> tuple[Bounces | None, FilmFit | None, str]:
+def bounces_of_film(recording: Recording, inputs: BallInputs, tilt: float = 0.0) -> _OfFilm:
     """Return the bounces of a film, its fit, and a remark if it has none."""
     track = np.asarray(recording.height, np.float64)
     seen = np.isfinite(track) & np.isfinite(recording.time)
@@ -391,7 +397,9 @@ def bounces_of_film(
         horizontal = recording.horizontal[seen]
         slope = slope_of_floor(contacts, time, horizontal, noise)
         if slope:
-            return bounces_of_film(*_along_normal(recording, inputs, slope), np.arctan(slope))
+            level = bounces_of_film(replace(recording, horizontal=None), inputs)
+            inclined = bounces_of_film(*_along_normal(recording, inputs, slope), np.arctan(slope))
+            return level if _explains(level, inclined, slope) else inclined
     chains = [[flights[k] for k in chain] for chain in chains_of(contacts, curvature, noise)]
     if not chains:
         longest = max(flights, key=lambda f: f.samples.size)
@@ -403,6 +411,19 @@ def bounces_of_film(
         )
         return None, fit, f"{recording.name}: no bounce; {_scale_text(recording, g, inputs)}"
     return _fitted(recording, inputs, (time, height, middle), chains, curvature, tilt)
+
+
+def _explains(level: _OfFilm, inclined: _OfFilm, slope: float) -> bool:
+    """Return whether a level floor describes a film about as well as an inclined one.
+
+    Parabolas meet below a soft floor, the deeper the faster the ball is, as if it were inclined.
+    """
+    one, other = level[1], inclined[1]
+    if level[0] is None or one is None or inclined[0] is None or other is None:
+        return level[0] is not None
+    # in vertical distances, of which those along the normal are a part
+    fits = one.noise < WORSE * other.noise * np.hypot(1.0, slope)
+    return bool(fits and one.time.size > EXPLAINED * other.time.size)
 
 
 def _along_normal(
@@ -441,7 +462,7 @@ def _fitted(
     chains: list[list[Stretch]],
     curvature: float,
     tilt: float,
-) -> tuple[Bounces | None, FilmFit | None, str]:
+) -> _OfFilm:
     time, height, middle = track
     own, timed = recording.scale_known and not inputs.scale_from_gravity, recording.rate_known
     rate = 1.0 if timed else RATE
