@@ -200,6 +200,7 @@ def limited():
 
     @contextmanager
     def limit(size):
+        gc.collect()  # HDF5 ends a process that closes another file, left over, meanwhile
         before = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
         try:
