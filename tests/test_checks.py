@@ -37,8 +37,8 @@ from methods.finals import FINALS, error_of, prove_references, read, read_refere
 from methods.peers_report import NAMES, bare_sentence, peers_table, read_rows
 from methods.report import report
 from methods.scenes import SCENES
+from methods.scenes import Sweep as Sweep_peers
 from methods.scenes import table as table_peers
-from methods.sweeps import Sweep as Sweep_peers
 from methods.truth import prove, worst
 from page_commands import PAGES, Step, all_steps, steps
 from page_commands import ROOT as ROOT_PAGE_COMMANDS
