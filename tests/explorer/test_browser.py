@@ -26,6 +26,7 @@ SPEC = {
     "seed": 1,
     "particles": 4,
 }
+WIDTHS = (1280, pytest.param(390, marks=pytest.mark.weekly))
 # the flights that are drawn, and the parameters that they are drawn for
 DRAWN = """() => {
   const model = (name) => Bokeh.documents[0].get_model_by_name(name)
@@ -86,7 +87,7 @@ def click(page, across, up):
     page.mouse.click(left + across * width, top + up * height)
 
 
-@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("width", WIDTHS)
 def test_a_click_and_a_slider_change_the_pictures(address, opened, width):
     page = opened(address, width)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
@@ -230,7 +231,7 @@ def record_of(page):
     return names["record"]
 
 
-@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize("width", WIDTHS)
 def test_it_says_what_to_do_and_begins_with_a_motion(place, opened, width):
     page = opened(place, width)
     assert page.get_by_text("Click a point").is_visible()
@@ -240,6 +241,7 @@ def test_it_says_what_to_do_and_begins_with_a_motion(place, opened, width):
     assert not bool(lies.any())
 
 
+@pytest.mark.weekly
 def test_one_time_in_all_pictures(place, opened):
     page = opened(place)
     record = record_of(page)
@@ -277,6 +279,7 @@ def test_two_points_side_by_side(place, opened):
     page.wait_for_selector("#motion-2", state="hidden")
 
 
+@pytest.mark.weekly
 def test_a_view_is_kept_in_its_address(place, opened):
     page = opened(place)
     page.get_by_role("button", name="Pin this motion").click()
@@ -294,6 +297,7 @@ def test_a_view_is_kept_in_its_address(place, opened):
     assert again.evaluate(COLOURS) == page.evaluate(COLOURS)
 
 
+@pytest.mark.weekly
 def test_ends_of_the_colours(place, opened, result):
     page = opened(place)
     with vs.open_sweep(result) as swept:
@@ -317,6 +321,7 @@ def test_ends_of_the_colours(place, opened, result):
     )
 
 
+@pytest.mark.weekly
 def test_pictures_are_saved_as_svg_and_png(place, opened):
     page = opened(place)
     for name, begins in (("Save as SVG", b"<svg"), ("Save", b"\x89PNG")):
