@@ -3,7 +3,7 @@
     python benchmarks/peers.py [--threads N]
 
 writes ``benchmarks/peers.csv``, ``docs/images/peers.png`` and the section between the markers of
-``docs/evidence.md``.  All run the same scenes (`methods.sweeps.SWEEPS`) and find the same landings;
+``docs/evidence.md``.  All run the same scenes (`methods.scenes.SWEEPS`) and find the same landings;
 errors are against the proved reference.  A peer takes part where it is installed (extra ``bench``).
 """
 
@@ -17,8 +17,7 @@ from pathlib import Path
 from methods import compiled, ensembles, flights
 from methods.contest import available, measure, write_table
 from methods.peers_report import draw, publish, read_rows
-from methods.scenes import Point
-from methods.sweeps import SWEEPS
+from methods.scenes import SWEEPS, Point
 from vibrosweep.runs.driver import available_threads
 from vibrosweep.store.writing import provenance
 

@@ -51,7 +51,7 @@ class Job(NamedTuple):
 def jobs(workers):
     """All jobs by name, the sine first; their unit of work is an impact, or one sine."""
     from loops import LANES, bare_map, lanes, sine_only
-    from methods.sweeps import paper_parameters
+    from methods.scenes import paper_parameters
     from test_kernels import scene
     from vibrosweep.engine.measure import batch_of, measure, statistics
 

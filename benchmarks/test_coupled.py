@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from coupled_loop import scalar_coupled
-from methods.sweeps import paper_parameters
+from methods.scenes import paper_parameters
 from test_kernels import THREADS
 from vibrosweep.engine.measure import measure
 from vibrosweep.engine.workers import Workers

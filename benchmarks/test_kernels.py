@@ -13,7 +13,9 @@ import pytest
 from numba import njit
 
 from loops import LANES, bare_map, lanes, scalar_trajectories, sine_only
-from methods.sweeps import paper_parameters
+from methods.scenes import paper_parameters
+from methods.timing import SETTLE
+from processors import measured, ways
 from vibrosweep.engine.landings import all_parameters as complete
 from vibrosweep.engine.measure import batch_of, statistics
 from vibrosweep.engine.workers import TRAJECTORIES_PER_TASK, Workers
@@ -233,3 +235,34 @@ def test_hot_loop_uses_whole_vector_registers():
     assert fused >= 11
     assert registers["zmm"] > 0 or registers["ymm"] > 0
     assert "call" not in hot
+
+
+@pytest.mark.parametrize("way", ["default", "fastest"])
+def test_bare_map_against_the_ensemble_call_of_pynamicalsys(race, way):
+    dynamical = pytest.importorskip("methods.dynamical")
+    bare = dynamical.BareMap(THREADS)
+    ratio = race(
+        bare.ours,
+        bare.theirs(way),
+        work_subject=bare.impacts,
+        work_reference=bare.their_impacts,
+        settle=SETTLE,
+    )
+    assert ratio >= (100.0 if way == "default" else 40.0)
+
+
+# The kernels against their sine, by vector width.
+
+# The chain of dependent operations of the bare map is half as long again as that of the sine alone,
+# and the number of such chains that a core has under way limits the speed: a vector half as wide
+# halves the lanes in each chain, but not its length.
+BARE_MAP = {"512": 1.0 / 0.75}
+
+
+@pytest.mark.parametrize("way", ways())
+def test_streaming_and_the_bare_map_as_multiples_of_the_sine(way):
+    found = measured(way)
+    print(f"\n{way} bits: {found}")
+    assert found["1000 periods"] <= 6.0
+    assert found["12 periods"] <= 8.0
+    assert found["bare map"] <= BARE_MAP.get(way, 2.0)

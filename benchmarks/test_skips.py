@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from methods.sweeps import paper_parameters
+from methods.scenes import paper_parameters
 from test_kernels import THREADS
 from vibrosweep.engine import measure as engine
 from vibrosweep.engine.measure import measure

@@ -39,12 +39,12 @@ def prove() -> None:
 
 def time() -> None:
     """Time every method that is installed, and store what it found."""
-    from methods import compiled, flights, mounted, moving, shaken
+    from methods import compiled, flights, mounted
     from methods.contest import available, timings
 
     heyoka, diffrax = (available([peer])[0] for peer in (HEYOKA, DIFFRAX))
-    moved = [moving.scalar, flights.scipy_events, *heyoka, *diffrax]
-    drawn = [shaken.shaken, flights.scipy_events, *heyoka]
+    moved = [compiled.scalar, flights.scipy_events, *heyoka, *diffrax]
+    drawn = [compiled.shaken, flights.scipy_events, *heyoka]
     own = {
         "sprung": [mounted.scalar_mounted, mounted.scipy_mounted],
         "tones": drawn,

@@ -37,8 +37,8 @@ from methods.finals import FINALS, error_of, prove_references, read, read_refere
 from methods.peers_report import NAMES, bare_sentence, peers_table, read_rows
 from methods.report import report
 from methods.scenes import SCENES
+from methods.scenes import Sweep as Sweep_peers
 from methods.scenes import table as table_peers
-from methods.sweeps import Sweep as Sweep_peers
 from methods.truth import prove, worst
 from page_commands import PAGES, Step, all_steps, steps
 from page_commands import ROOT as ROOT_PAGE_COMMANDS
@@ -647,15 +647,6 @@ def test_too_short_an_observation_is_told(conditions, duration, told, spec, tmp_
         assert ("may be called unsettled" in found.attrs["notes"]) == told
 
 
-def test_an_existing_output_is_kept_unless_forced(spec, tmp_path, capsys):
-    output = tmp_path / "found.h5"
-    output.with_suffix(".png").write_bytes(b"mine")
-    assert main(["windows", str(spec()), "-o", str(output)]) == 2
-    assert "found.png: exists and was not replaced" in capsys.readouterr().err
-    assert output.with_suffix(".png").read_bytes() == b"mine"
-    assert main(["windows", str(spec()), "-o", str(output), "--force"]) == 0
-
-
 def test_launches_of_basins_may_be_listed_in_any_order(spec, tmp_path):
     text = SPEC.replace("amplitude = {", "launch_velocity = {").replace("restitution = [", "# [")
     text = text[: text.index("[windows]")]
@@ -712,38 +703,6 @@ duration = 600.0
 [sample]
 design = "grid"
 """
-
-
-@pytest.mark.parametrize(
-    ("command", "axis", "words", "variable"),
-    [
-        (
-            "bifurcation",
-            "amplitude = [1.0, 1.5, 2.0]",
-            ["amplitude up", "rest"],
-            "rebound_velocity",
-        ),
-        (
-            "bifurcation",
-            "base_acceleration = [0.5, 0.6, 0.7]",
-            ["acceleration down"],
-            "rebound_velocity",
-        ),
-        ("basins", "launch_velocity = [1.0, 3.0, 5.0]", ["/ 1 period", "%"], "basin"),
-    ],
-)
-def test_a_diagram_and_its_picture_are_written(
-    command, axis, words, variable, spec, tmp_path, capsys
-):
-    output = tmp_path / "found.h5"
-    assert main([command, str(spec(GRID + axis)), "-o", str(output)]) == 0
-    printed = capsys.readouterr().out
-    for word in ["A grid of a test", *words]:
-        assert word in printed
-    with xr.open_dataset(output, engine="h5netcdf") as found:
-        assert 8 in found[variable].shape
-        assert found.attrs["title"] == "A grid of a test"
-    assert output.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(

@@ -72,7 +72,7 @@ def test_whatever_hypothesis_finds(alone, case):
 @each_of("name", FAMILIES)
 def test_extreme_scenes(alone, name, law):
     landings = 0
-    for number in range(2):
+    for number in range(5):
         case = FAMILIES[name](np.random.default_rng([7, number]), law)
         found = examine(case, alone)
         assert found.faults == []

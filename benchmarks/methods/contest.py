@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from methods.scenes import Point, Scene
-from methods.sweeps import Sweep
+from methods.scenes import Point, Scene, Sweep
 from methods.truth import prove, worst
 
 # takes a scene, the number of landings wanted of each proved trajectory, and threads

@@ -11,8 +11,7 @@ from pynamicalsys import DiscreteDynamicalSystem
 
 from loops import LANES, bare_map, lanes
 from methods.compiled import MARGIN, count_landings
-from methods.scenes import Point, table
-from methods.sweeps import Sweep
+from methods.scenes import Point, Sweep, table
 from methods.timing import medians, timed
 from vibrosweep.engine.workers import Workers
 from vibrosweep.model.parameters import PARAMETERS

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from methods.compiled import MARGIN, MOST_IMPACTS
-from methods.scenes import Point, table
-from methods.sweeps import Sweep
+from methods.scenes import Point, Sweep, table
 from methods.timing import timed
 from vibrosweep.engine.landings import record_landings
 from vibrosweep.engine.measure import measure

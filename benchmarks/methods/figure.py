@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from methods import compiled, moving
+from methods import compiled
 from methods.finals import Row
 from methods.flights import SCIPY
 from methods.scenes import Scene
@@ -30,7 +30,7 @@ LOOKS = {
     compiled.KERNEL: Look("#0072B2", "o", "kernel"),
     compiled.KERNEL_RECORD: Look("#0072B2", "s", "kernel, every landing"),
     compiled.NAIVE: Look("#E69F00", "D", "naive map"),
-    moving.SCALAR: Look("#E69F00", "H", "scalar loop"),
+    compiled.SCALAR: Look("#E69F00", "H", "scalar loop"),
     compiled.RK4: Look("#000000", "v", "RK4"),
     SCIPY: Look("#CC79A7", "^", "SciPy events"),
     "heyoka.py": Look("#009E73", "P", "heyoka.py"),

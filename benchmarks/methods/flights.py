@@ -9,8 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from methods.law import BASE_OF, HighBounceBase, MovingBase
-from methods.scenes import Case, Point, Scene
-from methods.sweeps import Sweep
+from methods.scenes import Case, Point, Scene, Sweep
 from methods.timing import timed
 from vibrosweep.model.parameters import HIGH_BOUNCE
 

@@ -8,11 +8,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from methods.compiled import MARGIN, count_landings
+from methods.compiled import MARGIN, count_landings, count_moving_landings
 from methods.law import AFTER_REST
-from methods.moving import count_moving_landings
-from methods.scenes import Point, Scene, table
-from methods.sweeps import Sweep
+from methods.scenes import Point, Scene, Sweep, table
 from methods.timing import timed
 from vibrosweep.model.parameters import PARAMETERS
 

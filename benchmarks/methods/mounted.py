@@ -12,9 +12,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from coupled_loop import scalar_coupled
-from methods.compiled import MARGIN, arrays
+from methods.compiled import MARGIN, SCALAR, arrays
 from methods.flights import SCIPY, setting_of
-from methods.moving import SCALAR
 from methods.scenes import Point, Scene
 from methods.timing import timed
 from vibrosweep.kernels.restitution import Constant

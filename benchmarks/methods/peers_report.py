@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from accuracy import table, write_section
 from methods.ensembles import NOTHING_SKIPPED, RECORD, STATISTICS
 from methods.figure import STYLE, TEXT
-from methods.sweeps import SWEEPS
+from methods.scenes import SWEEPS
 
 PAGE = Path(__file__).parents[2] / "docs" / "evidence.md"
 

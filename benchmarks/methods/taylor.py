@@ -8,8 +8,7 @@ import heyoka
 import numpy as np
 
 from methods.law import BASE_OF, HighBounceBase, MovingBase
-from methods.scenes import Case, Point, Scene
-from methods.sweeps import Sweep
+from methods.scenes import Case, Point, Scene, Sweep
 from methods.timing import timed
 
 HEYOKA = "heyoka.py"

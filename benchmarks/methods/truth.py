@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from flint import arb, ctx
 
-from methods.scenes import Case, Scene
-from methods.sweeps import Sweep
+from methods.scenes import Case, Scene, Sweep
 from vibrosweep.proof.reference import trajectories as ball
 from vibrosweep.proof.reference.motion import Deviates, Trajectory
 from vibrosweep.proof.reference.sprung import coupled

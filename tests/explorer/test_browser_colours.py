@@ -133,6 +133,7 @@ def test_every_pixel_has_the_colour_of_its_value(page, result):
         assert_coloured(page, points, y, x, colour)
 
 
+@pytest.mark.weekly
 @pytest.mark.parametrize("page", ["file"], indirect=True)
 def test_the_words_beside_the_pointer_are_those_of_the_value(page, result):
     """Of a point, or of the cell around it, wherever in the cell the pointer is."""

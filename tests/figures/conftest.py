@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 from matplotlib import pyplot
 
-from vibrosweep import simulate
+import vibrosweep as vs
 from vibrosweep.model.measures import VARIABLES
 from vibrosweep.model.parameters import PARAMETERS
 
@@ -18,7 +18,7 @@ def build_record(launch_time=(0.0,), duration=12.0, rebound="rest", **changed):
     """Record of every landing, with no more variables and attributes than figures need."""
     launches = [*np.atleast_1d(launch_time)]
     scene = {"launch_time": launches, "duration": duration, "rebound": rebound}
-    record = simulate(**scene, **TABLE_1 | changed)
+    record = vs.simulate(**scene, **TABLE_1 | changed)
     record.attrs = {"rebound": rebound}
     record = record.set_coords([*TABLE_1, "duration"]).drop_vars("base_acceleration")
     names = ("landing_time", "liftoff_time", "rebound_velocity", "rested", "impact_count", "status")
@@ -32,52 +32,19 @@ def describe(sweep):
     return sweep
 
 
-def smallest_separation(times):
-    """Smallest difference between landings of different particles, NaN if there is none."""
-    particle = np.broadcast_to(np.arange(times.shape[0])[:, None], times.shape)
-    known = np.isfinite(times)
-    order = np.argsort(times[known])
-    t, who = times[known][order], particle[known][order]
-    gaps = np.diff(t)[np.diff(who) != 0]
-    return gaps.min() if gaps.size else np.nan
-
-
-def measure(record, separation=True):
-    """Measured variables of every realization of a record, as a sweep lays them out."""
-    g = record["gravity"]
-    rebound = (record["rebound_velocity"] ** 2 / (2 * g)).max(("particle", "impact"))
-    launch = record["launch_velocity"] ** 2 / (2 * g)
-    sweep = xr.Dataset(
-        {
-            "rebound_height_max": rebound,
-            "flight_height_max": np.fmax(rebound, launch),
-            "impact_count": record["impact_count"].sum("particle"),
-            "status": record["status"].max("particle"),
-        },
-        coords={k: record[k] for k in (*TABLE_1, "duration")},
-        attrs=record.attrs,
-    ).assign_coords(transient=0.0)
-    if separation:
-        gaps = [smallest_separation(times) for times in record["landing_time"].values]
-        shared = np.array([gap < 1e-4 for gap in gaps], dtype=np.int8)
-        sweep["dt_min"] = ("realization", gaps)
-        sweep["base_shared"] = ("realization", shared)
-        sweep["collision_free"] = ("realization", 1 - shared)
-        sweep["particle_impact_count"] = record["impact_count"]
-        sweep["rest_count"] = record["rested"].sum(("particle", "impact"))
-        sweep["at_rest_count"] = 0 * sweep["rest_count"]
-    return describe(sweep)
-
-
-def build_sweep(count=200, particles=20, seed=1, separation=True, duration=12.0, **changed):
+def build_sweep(count=200, particles=20, seed=1, separation=True, **changed):
     """Sweep over a random restitution and amplitude, unless they are given."""
     random = np.random.default_rng(seed)
-    sampled = {
+    given = {
         "restitution": random.uniform(0.80, 0.98, count),
         "amplitude": random.uniform(0.2, 3.5, count),
+        **changed,
     }
-    launches = np.arange(particles) / particles
-    return measure(build_record(launches, duration, **{**sampled, **changed}), separation)
+    columns = {name: value for name, value in given.items() if np.ndim(value)}
+    others = {name: value for name, value in given.items() if name not in columns}
+    launches = [*np.arange(particles) / particles]
+    measured = {"separation": separation, "per_particle": separation}
+    return vs.sweep(design=columns, launch=launches, particles=particles, **others, **measured)
 
 
 def build_synthetic_sweep(count):

@@ -39,18 +39,6 @@ def bezier(points, s):
     return (1 - s) ** 2 * points[0] + 2 * s * (1 - s) * points[1] + s**2 * points[2]
 
 
-def test_parabolas_begin_and_end_on_the_base_at_the_recorded_events(make_record):
-    record = make_record()
-    flights = curves_of(height_time(record).figure)
-    landing = record.landing_time.values[0, 0]
-    liftoff = record.liftoff_time.values[0, 0]
-    # the last flight is cut by the end of the observation
-    np.testing.assert_allclose(flights[:, 2, 0], [*landing, 12.0][: len(flights)], rtol=1e-14)
-    np.testing.assert_array_equal(flights[:, 0, 0], [0.0, *liftoff][: len(flights)])
-    np.testing.assert_array_equal(flights[:, 0, 1], 0.0)
-    np.testing.assert_allclose(flights[: landing.size, 2, 1], 0.0, atol=1e-12)
-
-
 def test_every_point_of_a_drawn_curve_obeys_the_law_of_free_fall(make_record):
     one = make_record(np.arange(5) / 5, amplitude=3.0).isel(realization=0)
     flown = course(one, STILL, 7.3)
@@ -98,17 +86,6 @@ def test_landings_are_marked_where_one_particle_is_drawn(twenty):
     np.testing.assert_array_equal(line.get_xdata(), landing[np.isfinite(landing)])
     assert not marks(height_time(twenty).figure)
     assert len(marks(height_time(twenty, [3, 4], mark_landings=True).figure)) == 2
-
-
-def test_particles_and_realization_are_picked(make_record):
-    record = make_record([0.0, 0.25, 0.5], restitution=np.array([0.9, 0.5]))
-    flights = curves_of(height_time(record, [2], realization=1).figure)
-    assert flights[0, 0, 0] == 0.5
-    landing = record.landing_time.values[1, 2]
-    landing = landing[np.isfinite(landing)]
-    np.testing.assert_allclose(flights[: landing.size, 2, 0], landing)
-    names = [t.get_text() for t in height_time(record, [2, 0]).get_legend().get_texts()]
-    assert names[-2:] == ["particle 0", "particle 2"]
 
 
 def test_launch_times_may_differ_between_realizations(make_record):
@@ -211,11 +188,6 @@ def test_points_lie_in_the_strip(rebound, amplitude, make_record):
     record = make_record(np.arange(10) / 10, 30.0, rebound, amplitude=amplitude)
     v, after = drawn_points(return_map(record).figure).T
     assert np.all(np.abs(after - 0.9 * v) <= amplitude + 1e-12)
-
-
-def test_all_particles_are_drawn_once(twenty):
-    count = np.count_nonzero(np.isfinite(twenty.rebound_velocity.values))
-    assert len(drawn_points(return_map(twenty).figure)) == count
 
 
 def test_locked_orbits_are_the_closed_form(make_record):

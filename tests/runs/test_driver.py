@@ -26,7 +26,7 @@ from vibrosweep.proof.verifying import verify
 from vibrosweep.runs import chunks, driver
 from vibrosweep.runs import driver as module
 from vibrosweep.runs.chunks import differences, identity
-from vibrosweep.runs.driver import InMemory, retry_failed, run_sweep
+from vibrosweep.runs.driver import InMemory, run_sweep
 from vibrosweep.runs.plan import make_plan
 from vibrosweep.runs.result import Summary
 from vibrosweep.scene.sweep import parse_spec, read_spec
@@ -427,16 +427,6 @@ def test_the_amplitude_of_a_result_gives_its_numbers_again(result):
         duration_periods=12,
     )
     assert np.array_equal(again["landing_time"][0], record["landing_time"][0], equal_nan=True)
-
-
-def test_incomplete_realizations_are_retried(tmp_path):
-    few = spec_of("base_displacement", measure="transient_periods = 2\nimpact_budget = 6")
-    path = tmp_path / "few.h5"
-    run_sweep(few, path, threads=1)
-    _, number = retry_failed(few, path, threads=1, impact_budget=10_000_000)
-    assert number > 0
-    run_sweep(spec_of("base_displacement"), tmp_path / "all.h5", threads=1)
-    xr.testing.assert_equal(loaded(path), loaded(tmp_path / "all.h5"))
 
 
 def test_another_base_or_forcing_or_unit_of_time_is_another_sweep():

@@ -3,6 +3,7 @@
 import errno
 import os
 import shutil
+import tomllib
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import fields
@@ -13,10 +14,11 @@ import pytest
 import xarray as xr
 
 import vibrosweep
+import vibrosweep as vs
 from vibrosweep.cli import main
 from vibrosweep.commands.describe import describe
 from vibrosweep.engine import measure as engine
-from vibrosweep.errors import DataError, Interruption, OutputError, RunError
+from vibrosweep.errors import DataError, ExistingOutputError, Interruption, OutputError, RunError
 from vibrosweep.model.observables import Measures
 from vibrosweep.runs import chunks, result
 from vibrosweep.runs.chunks import in_process
@@ -787,3 +789,89 @@ def test_a_record_that_alone_lacks_landings_is_computed_again(tmp_path, output_r
         assert (record.status != 0).any()
     retry_failed(spec(36), output_retry, threads=1, impact_budget=10_000)
     assert bits(output_retry) == bits(whole)
+
+
+# A finished result grows: the sweep with more realizations equals one computed at once.
+
+
+def grown(realizations, design="uniform", budget=32):
+    text = SWEEP_RETRY.format(budget=budget, design=design, regimes="")
+    return parse_spec(text.replace("realizations = 16", f"realizations = {realizations}"))
+
+
+@pytest.mark.parametrize("design", ["uniform", "sobol"])
+def test_the_result_is_that_of_the_larger_sweep(output_retry, tmp_path, design):
+    run_sweep(grown(16, design), output_retry, threads=1)
+    told, rows = [], []
+
+    def noting(job, indices, tick):
+        rows.extend(job.rows)
+        return in_process(1)(job, indices, tick)
+
+    summary = run_sweep(
+        grown(37, design), output_retry, threads=2, chunk=5, runner=noting,
+        advance=lambda *now: told.append(now),
+    )  # fmt: skip
+    assert rows == list(range(16, 37))
+    assert told[-1] == (21, 21)
+    assert (summary.realizations, summary.kept) == (37, 16)
+    run_sweep(grown(37, design), tmp_path / "large.h5", threads=1)
+    assert bits(output_retry) == bits(tmp_path / "large.h5")
+    attributes, large = (
+        xr.open_dataset(path).attrs for path in (output_retry, tmp_path / "large.h5")
+    )
+    for name in ("created", "threads", "cpu"):
+        attributes.pop(name), large.pop(name)
+    assert attributes == large
+    assert not run_directory(output_retry).exists()
+
+
+def test_a_run_that_adds_realizations_and_is_ended_continues(output_retry, tmp_path):
+    run_sweep(grown(16), output_retry, threads=1)
+    old = output_retry.read_bytes()
+    with pytest.raises(Interruption, match="2 of 4"):
+        run_sweep(grown(20), output_retry, threads=1, chunk=1, runner=ending_retry)
+    assert output_retry.read_bytes() == old
+    assert run_sweep(grown(20), output_retry, threads=1).kept == 18
+    run_sweep(grown(20), tmp_path / "large.h5", threads=1)
+    assert bits(output_retry) == bits(tmp_path / "large.h5")
+
+
+def test_what_a_killed_run_left_beside_the_grown_result_is_in_nobodys_way(
+    output_retry, monkeypatch
+):
+    run_sweep(grown(16), output_retry, threads=1)
+    for larger, then in ((20, 20), (24, 28)):  # opened, or grown once more
+        with monkeypatch.context() as patch:
+            patch.setattr("vibrosweep.runs.driver.abandon", lambda directory: 1 / 0)
+            with pytest.raises(ZeroDivisionError):
+                run_sweep(grown(larger), output_retry, threads=1)
+        assert run_directory(output_retry).exists()
+        text = grown(then).text
+        with vs.run(tomllib.loads(text), output_retry, progress=False) as found:
+            assert found.sizes["realization"] == then
+        assert not run_directory(output_retry).exists()
+
+
+def test_vs_run_grows_a_result_and_refuses_what_it_cannot_continue(output_retry):
+    asked = {"amplitude": (0.2, 3.5), "restitution": 0.9, "duration": 3.0}
+    for realizations in (4, 9):
+        with vs.run({**asked, "realizations": realizations}, output_retry, progress=False) as found:
+            values = found.rebound_height_max.values
+    direct = vs.sweep(**asked, realizations=9, progress=False)
+    np.testing.assert_array_equal(values, direct.rebound_height_max)
+    kept = output_retry.read_bytes()
+    for changed, words in (
+        ({"realizations": 4}, "sample.realizations: was 9, is 4"),
+        ({"realizations": 12, "seed": 1}, "sample.seed"),
+        ({"realizations": 12, "duration": 4.0}, "duration"),
+    ):
+        with pytest.raises(ExistingOutputError, match=words):
+            vs.run({**asked, **changed}, output_retry, progress=False)
+    assert output_retry.read_bytes() == kept
+
+
+def test_a_latin_hypercube_is_refused_with_the_reason(output_retry):
+    run_sweep(grown(16, "latin"), output_retry, threads=1)
+    with pytest.raises(ExistingOutputError, match=r"Latin hypercube .* other points"):
+        vs.run(tomllib.loads(grown(20, "latin").text), output_retry, progress=False)

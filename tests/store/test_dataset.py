@@ -1,5 +1,6 @@
 """Datasets in files."""
 
+import pickle
 import signal
 import tempfile
 import tomllib
@@ -24,6 +25,7 @@ from vibrosweep.model.observables import Measures
 from vibrosweep.model.parameters import PARAMETERS
 from vibrosweep.proof.sampling import read_sample
 from vibrosweep.store import arranged as rows
+from vibrosweep.store import fresh
 from vibrosweep.store import writing as module
 from vibrosweep.store.arranged import boxes, flat, read_rows, row_count, row_dims
 from vibrosweep.store.disk import Disk, FileState, state_of
@@ -469,3 +471,65 @@ def test_a_system_without_cpuinfo_still_names_a_processor(monkeypatch):
     original = Path.read_text
     monkeypatch.setattr("pathlib.Path.read_text", read)
     assert module.provenance(3)["cpu"]
+
+
+# A file that was just written is opened without reading its structure, yet as xarray opens it.
+
+FRESH = {
+    "range": {"restitution": (0.8, 0.9), "realizations": 7, "seed": 1, "particles": 2},
+    "grid": {"restitution": [0.8, 0.9], "amplitude": [1.0, 2.0, 3.0], "per_particle": True},
+}
+
+
+@pytest.fixture(params=FRESH.values(), ids=FRESH)
+def path_fresh(request, tmp_path):
+    path = tmp_path / "out.h5"
+    vs.run({**request.param, "duration": 3.0}, path).close()
+    return path
+
+
+def test_it_equals_what_xarray_opens(path_fresh):
+    found = fresh.opened(path_fresh)
+    with found, xr.open_dataset(path_fresh, engine="h5netcdf") as known:
+        xr.testing.assert_identical(found, known)
+        assert found.variables.keys() == known.variables.keys()  # in an order of xarray's choice
+        assert found.indexes.keys() == known.indexes.keys()
+        assert found.encoding["source"] == known.encoding["source"]
+        for name, one in found.variables.items():
+            assert one.dtype == known[name].dtype, name
+
+
+def test_values_are_read_when_needed_and_stay_when_the_file_goes(path_fresh):
+    with fresh.opened(path_fresh) as found, xr.load_dataset(path_fresh, engine="h5netcdf") as known:
+        assert "..." in repr(found)
+        path_fresh.unlink()
+        for name, one in known.items():
+            for dim in one.dims:
+                cut = {dim: slice(None, None, -1)}
+                xr.testing.assert_identical(found[name].isel(cut), known[name].isel(cut))
+                some = {dim: np.array([-1, 0, 0])}
+                xr.testing.assert_identical(found[name].isel(some), known[name].isel(some))
+
+
+def test_it_can_be_sent_to_another_process(path_fresh):
+    with fresh.opened(path_fresh) as found:
+        again = pickle.loads(pickle.dumps(found))
+        xr.testing.assert_identical(again, found)
+        again.close()
+
+
+def test_a_file_with_texts_is_read(tmp_path):
+    table = {"restitution": [0.8, 0.9], "amplitude": [1.0, 2.0], "name": ["a", "b"]}
+    with vs.run({"design": table, "duration": 3.0}, tmp_path / "out.h5") as found:
+        assert fresh.opened(tmp_path / "out.h5") is None
+        assert found["name"].values.tolist() == ["a", "b"]
+
+
+def test_a_file_that_changed_is_read(path_fresh):
+    held = path_fresh.read_bytes()
+    path_fresh.write_bytes(held)
+    assert fresh.opened(path_fresh) is None
+    with vs.open_sweep(path_fresh) as found:
+        assert found["status"].size
+    path_fresh.write_bytes(held[:-200])
+    assert fresh.opened(path_fresh) is None
