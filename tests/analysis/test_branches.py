@@ -188,10 +188,10 @@ def test_boundaries_are_the_closed_forms_at_every_point(base):
 def test_events_do_not_depend_on_the_range_and_each_orbit_is_on_one_branch(base):
     """And each doubling has its child, each event is inside, no branch is lost."""
     failures, total = [], Counter()
-    for i in range(8):
+    for i in range(5):
         total += judge({"base": base}, np.random.default_rng([3, i]), lambda *w: failures.append(w))
     assert failures == []
-    assert min(total[name] for name in ("events", "doublings", "orbits")) > 20
+    assert min(total[name] for name in ("events", "doublings", "orbits")) > 10
 
 
 @pytest.mark.parametrize("base", BASES)
