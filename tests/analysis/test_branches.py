@@ -40,11 +40,11 @@ def met(found, branch, kind):
 
 
 @pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("e", [0.3, 0.8, 0.99])
+@pytest.mark.parametrize("e", [0.3, 0.99])
 def test_one_impact_is_born_and_doubles_where_the_closed_forms_say(base, e):
-    found = vs.branches(restitution=e, amplitude=[0.01, 20.0, 60.0], periods=4, base=base)
+    found = vs.branches(restitution=e, amplitude=[0.01, 20.0, 60.0], periods=3, base=base)
     modes = found.cycle_periods.values.tolist()
-    assert sorted(modes) == [1, 2, 3, 4]
+    assert sorted(modes) == [1, 2, 3]
     for branch, k in enumerate(modes):
         born, last = ends_of_mode(k, e, base)
         assert met(found, branch, SADDLE_NODE) == pytest.approx([born], abs=1e-12)
