@@ -85,6 +85,8 @@ PLAIN = {
     "Parabolic": EVERYTHING | FIXED | CLOSED,
     "Noise": {"settle", "trust"},
 }
+# Of scenes with both, everything
+TOGETHER = {"Reflect", "Noise"}, {"Moving", "Plastic"}
 # The same over a base of finite mass
 PLAIN_JOINTLY = {"Plastic": {"record", "sweep"}, "Mounts": {"observe"}}
 
@@ -114,8 +116,10 @@ def compiled(function, arguments):
         return not PIECES
     name, scene = asked(function, arguments)
     rules = PLAIN_JOINTLY if isinstance(scene, Mounts) else PLAIN
-    kinds = type(scene).__name__, *(type(part).__name__ for part in scene)
-    return not any(name in rules.get(kind.partition("_")[0], ()) for kind in kinds)
+    kinds = {type(one).__name__.partition("_")[0] for one in (scene, *scene)}
+    if PLAIN and any(kinds >= both for both in TOGETHER):
+        return False
+    return not any(name in rules.get(kind, ()) for kind in kinds)
 
 
 def plain(function, *arguments):

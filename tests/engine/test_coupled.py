@@ -73,29 +73,6 @@ def measured(observation, threads=1, **given):
         return measure_coupled(parameters, observation, workers)
 
 
-@pytest.mark.parametrize("k", [1, 2])
-def test_two_particles_in_one_slot_reverse_their_order_at_every_impact(k):
-    e, gamma, mu = 0.9, 0.6, 0.001
-    a = gamma * (1.0 + e) / np.pi  # 2 f A / g
-    phase = 0.5 - np.arcsin((1.0 - e) * k / a) / (2.0 * np.pi)
-    found = vs.simulate(
-        base="sprung",
-        restitution=e,
-        base_acceleration=gamma,
-        launch_velocity=9.81 * k / 2.0,
-        launch_time=[phase, phase + 1e-3],
-        duration=300.0,
-        mass_ratio=mu,
-        mount_frequency=0.37,
-        mount_damping=0.05,
-    ).isel(realization=0)
-    n = int(found.impact_count.min())
-    apart = (found.landing_time[0, :n] - found.landing_time[1, :n]).values[-10:]
-    assert np.all(apart[1:] * apart[:-1] < 0.0)
-    s_m, s = 2.0 * (1.0 + e * e) / (1.0 + e) ** 2, -gamma * np.cos(2.0 * np.pi * phase)
-    assert np.abs(apart) == pytest.approx(k * mu / (s_m - s), rel=0.01)  # to first order in mu
-
-
 def test_results_depend_neither_on_threads_nor_on_the_batch():
     rng = np.random.default_rng(3)
     given = {"restitution": rng.uniform(0.5, 0.95, 40), "amplitude": rng.uniform(0.5, 4.0, 40)}

@@ -190,8 +190,9 @@ def test_particles_share_the_noise_of_the_drive_alone():
     assert (kick.landing_time[0, 0, 1:10] != kick.landing_time[0, 1, 1:10]).all()
 
 
-def test_machine_code_for_one_kind_of_noise_follows_the_definition(monkeypatch):
+def test_one_kind_of_noise_follows_the_definition(monkeypatch):
     """Other tests compute all kinds, some of strength 0 (`tests/general.py`); users do not."""
+    everything_plain(monkeypatch)
     monkeypatch.setattr(landings, "batch_of", BATCH_OF)
     noise, end = {"kick_noise": 0.1}, 12.0
     scene = {**UNITS, "restitution": 0.7, "amplitude": 0.45, "launch_velocity": 1.3}

@@ -335,7 +335,7 @@ def test_few_flights_are_in_doubt(problem_of):
 def test_a_landing_that_may_come_earlier_is_in_doubt(problem_of):
     fixed = bases.constants(BASE, problem_of(0.5, 5.0), 0)
     doubted = 0
-    for x in np.linspace(-0.45, 0.45, 19).tolist():
+    for x in np.linspace(-0.45, 0.45, 7).tolist():
         grid = np.linspace(0.05, 3.0, 400)
         s = np.array([bases.fly(fixed, x, y)[0] for y in grid.tolist()])
         for k in np.flatnonzero(np.abs(np.diff(s)) > 0.2):
@@ -351,7 +351,7 @@ def test_a_landing_that_may_come_earlier_is_in_doubt(problem_of):
                     np.inf,
                 )
                 doubted += 1
-    assert doubted > 10
+    assert doubted > 3
 
 
 @pytest.mark.parametrize("gamma", [0.3, 1.7, 6.0])

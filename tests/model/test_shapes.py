@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import vibrosweep as vs
@@ -46,6 +46,7 @@ def test_velocity_is_the_derivative_of_the_height_and_both_have_mean_zero(one):
         assert abs(whole(TURNS[:-1]).mean()) < 1e-12
 
 
+@settings(max_examples=40)
 @given(waveforms())
 def test_sizes_are_those_of_dense_samples(one):
     size = one.sum_of(3) * (TURNS[1] - TURNS[0]) ** 2
@@ -188,6 +189,7 @@ def test_the_public_function_has_units_and_takes_waveforms_as_a_scene_does():
         locked_windows(1, 1.5)
 
 
+@settings(max_examples=40)
 @given(st.floats(0.01, 0.5), st.floats(0.5, 4.0), st.floats(1e-9, 1e-4), st.floats(1e-9, 1e-4))
 def test_ends_move_no_more_than_the_errors_of_their_conditions_say(need, limit, dn, dm):
     for shape in (TWO, Waveform("parabolic")):

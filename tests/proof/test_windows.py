@@ -182,6 +182,7 @@ def test_windows_are_proved_from_end_to_end(base):
     assert "attraction inside 2 of 2" in first
 
 
+@pytest.mark.weekly
 def test_overlapping_windows_under_two_tones_are_proved_with_their_folds():
     """At e = 0.85, k = 1: 0.1688 to 0.2855, where it ends in a fold, and 0.2852 to 0.6657."""
     unit = 4.905
