@@ -18,11 +18,12 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, TrackError, require_one_of
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
-from vibrosweep.lab.base_fit import Trace, law_of, law_text
+from vibrosweep.lab.base_fit import Trace
 from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.experiment import LEVEL, Camera, Motion, film, heights, oscillating_surface
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.impacts import BOUNCED, METHODS, harmonic_numbers, impacts_of
+from vibrosweep.lab.regression import law_of, law_text
 from vibrosweep.lab.traces import polar, with_values
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.trials import wandering_record

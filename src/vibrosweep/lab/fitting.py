@@ -15,24 +15,19 @@ from vibrosweep.arrays import Array, Indices
 from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.base_fit import (
-    FITTED,
     INSTANT,
     UNDETERMINED,
     BaseFit,
     Contacts,
     Cut,
-    FittedLaw,
     Problem,
     Trace,
     contacts_between,
     covariance_of_fit,
-    failed_fit,
     find_contacts,
     fit_base,
-    fit_law,
     moves,
     which_base,
-    with_speed,
     without_outliers,
 )
 from vibrosweep.lab.flights import (
@@ -57,6 +52,7 @@ from vibrosweep.lab.flights import (
     rough_noise,
     samples_of,
 )
+from vibrosweep.lab.regression import FITTED, FittedLaw, failed_fit, fit_law, with_speed
 from vibrosweep.lab.traces import trace_of_mark
 from vibrosweep.lab.tracks import find_swaps
 from vibrosweep.lab.variables import require_number, require_parameter

@@ -15,17 +15,10 @@ from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.ballistics import Input, given
-from vibrosweep.lab.base_fit import (
-    INSTANT,
-    BaseFit,
-    FittedLaw,
-    Trace,
-    law_variables,
-    possible_laws,
-    preferred_law,
-)
+from vibrosweep.lab.base_fit import INSTANT, BaseFit, Trace
 from vibrosweep.lab.fitting import FittedTracks, Flights, Setup, fit_tracks
 from vibrosweep.lab.flights import line_variance, low_points
+from vibrosweep.lab.regression import FittedLaw, law_variables, possible_laws, preferred_law
 from vibrosweep.lab.tracks import coverage
 from vibrosweep.lab.variables import with_units
 

@@ -14,7 +14,8 @@ from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
-from vibrosweep.lab.base_fit import TWO_PI, Trace
+from vibrosweep.lab.base_fit import Trace
+from vibrosweep.lab.regression import TWO_PI
 from vibrosweep.lab.tracks import check_size, rate_of
 from vibrosweep.model.shapes import HARMONICS_NAME, MOST_HARMONICS, SINE, Waveform
 from vibrosweep.scene.tables import origin_of, read_content, strongest_rate
