@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from vibrosweep.lab.ballistics import Input
-from vibrosweep.lab.base_fit import Contacts, Oscillation, fit_base
+from vibrosweep.lab.base_fit import Contacts, Inputs, Oscillation, fit_base
 from vibrosweep.lab.flights import Fits, meet
+from vibrosweep.lab.paths import compress
 
 G, NOISE, FRAMES, HALF = 9.81, 1e-4, 20.0, 0.04
 TRUTH = np.array([0.7, 0.12, 0.09])  # e, S and C
@@ -17,8 +18,17 @@ def bounces(lasting, scatter, number=200):
     """Bounces at random phases between flights known with noise."""
     rng = np.random.default_rng(7)
     lands = np.sort(rng.uniform(0.0, 20.0, number))
-    leaves, towards = lands + lasting, rng.uniform(0.2, 0.8, number)
+    leaves, towards = lands.copy(), rng.uniform(0.2, 0.8, number)
     away = (TRUTH[0] + scatter * rng.standard_normal(number)) * towards
+    for k in range(number if lasting else 0):
+
+        def push(since, k=k):
+            down = G + float(BASE.acceleration(lands[k] + lasting * since))
+            return down * lasting / towards[k]
+
+        run = compress(away[k] / towards[k], "dashpot", push)
+        leaves[k] += lasting * run.t[-1]
+        away[k] = -towards[k] * run.y[1, -1]
     flights = []
     for time, speed, way in (
         (lands, BASE.velocity(lands) - towards, -1.0),
@@ -48,7 +58,13 @@ def bounces(lasting, scatter, number=200):
 @pytest.mark.parametrize("scatter", [0.0, 0.003, 0.012])
 def test_contact_and_scatter_are_found_and_bias_nothing(lasting, scatter):
     """Four standard errors, and the upper limit of the scatter: chance failures are negligible."""
-    found = fit_base(bounces(lasting, scatter), 20.0, free=False, moves=True, contact=ANY)
+    found = fit_base(
+        bounces(lasting, scatter),
+        20.0,
+        free=False,
+        moves=True,
+        inputs=Inputs(Input(G), contact=ANY),
+    )
     error = np.sqrt(np.diag(found.covariance))
     assert (np.abs(found.values[:3] - TRUTH) < 4.0 * error[:3]).all()
     assert abs(found.values[-1] - lasting) < 4.0 * error[-1]

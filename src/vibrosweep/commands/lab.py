@@ -71,8 +71,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_tracks(impacts)
     impacts.add_argument("--frequency", metavar="HZ", type=float, help="forcing frequency")
     impacts.add_argument(
+        "--gravity",
+        metavar="G",
+        type=_range,
+        default=9.81,
+        help="m/s^2, or a range LOW:HIGH if the scale is uncertain; default: 9.81",
+    )
+    impacts.add_argument(
         "--phase", metavar="RAD", type=float, default=0.0, help="phase of the forcing at t = 0"
     )
+    for name, unit, words in (("mass", "KG", "mass of a ball"), ("diameter", "M", "its diameter")):
+        text = f"{words}, for drag in air over a moving base"
+        impacts.add_argument(f"--{name}", metavar=unit, type=float, help=text)
     impacts.set_defaults(part=_impacts)
 
     words = "measure the restitution of a ball on a floor at rest"
@@ -87,6 +97,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--restitution-law", metavar="LAW", default="constant", help="law of restitution"
     )
     compare.add_argument("--restitution-speed", metavar="M/S", type=float, help="its speed")
+    compare.add_argument(
+        "--gravity", metavar="G", type=float, default=9.81, help="m/s^2; default: 9.81"
+    )
     compare.add_argument("--contact-time", metavar="S", type=float, help="default: 1e-4")
     compare.add_argument(
         "--draws",
@@ -195,9 +208,6 @@ def _add_tracks(parser: argparse.ArgumentParser) -> None:
         "--exposure", metavar="S", type=float, default=0.0, help="exposure time; default: 0"
     )
     parser.add_argument(
-        "--gravity", metavar="G", type=float, default=9.81, help="m/s^2; default: 9.81"
-    )
-    parser.add_argument(
         "--method",
         choices=("fit", "sign_change"),
         default="fit",
@@ -237,7 +247,7 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
     known = {**PARAMETERS, **OF_RESTITUTION}
     for name in PHYSICAL:
         value = getattr(options, name, None)
-        if value is not None and not known[name].accepts(value):
+        if isinstance(value, float) and not known[name].accepts(value):
             key = name.replace("_", "-")
             raise ParameterError(f"--{key} {value:g}: must be {known[name].allowed}")
     if options.base is not None and not math.isfinite(options.base):
@@ -260,7 +270,7 @@ def _recordings(options: argparse.Namespace) -> list[xr.Dataset]:
 def _setup(options: argparse.Namespace) -> Setup:
     """Return the information about the recordings in the options."""
     from vibrosweep.lab.fitting import Setup
-    from vibrosweep.lab.impacts import contact_of
+    from vibrosweep.lab.impacts import gravity_of, inputs_of
     from vibrosweep.lab.traces import read_trace
 
     return Setup(
@@ -271,7 +281,12 @@ def _setup(options: argparse.Namespace) -> Setup:
         None
         if options.base_trace is None
         else read_trace(options.base_trace, column=options.column),
-        contact_of(options.contact),
+        inputs_of(
+            options.contact,
+            getattr(options, "mass", None),
+            getattr(options, "diameter", None),
+            gravity_of(options.gravity),
+        ),
     )
 
 
@@ -323,7 +338,7 @@ def _impact_times(options: argparse.Namespace, lists: list[list[Recording]]) -> 
 def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import IMPACTS
     from vibrosweep.lab.fitting import fit_tracks
-    from vibrosweep.lab.impacts import agreement, impacts_of, quantities
+    from vibrosweep.lab.impacts import agreement, gravity_of, impacts_of, quantities
     from vibrosweep.lab.lines import agreement_lines, flights_of, impact_lines, numbers_of
 
     try:
@@ -340,9 +355,10 @@ def _impacts(options: argparse.Namespace) -> None:
             f"{len(recordings)}; write them one by one, or add --together"
         )
     setup, summaries = _setup(options), []
+    gravity = gravity_of(options.gravity).value
     for tracks in recordings:
-        fitted = fit_tracks(tracks, options.gravity, setup)
-        found = impacts_of(tracks, fitted, options.gravity, options.method)
+        fitted = fit_tracks(tracks, gravity, setup)
+        found = impacts_of(tracks, fitted, gravity, options.method)
         say(options, *impact_lines(found))
         summaries.append(quantities(found, frequency=options.frequency, phase=options.phase))
     agreed = agreement(summaries)

@@ -75,6 +75,7 @@ class Recording:
     label: str = ""  # name of the particle or of the recording inside its file
     pixels: bool = False  # heights are rows of an image
     remarks: tuple[str, ...] = ()  # positions taken for lost or left out
+    clock_error: float = 0.0  # s, standard error of the clock after rounding was undone
 
 
 @dataclass(frozen=True)
@@ -591,6 +592,7 @@ class _Clock:
     time: Array
     known: bool
     rounding: float
+    error: float = 0.0  # s, of all times alike
 
 
 def _times(table: Cells, headings: list[Heading], one: Columns, how: Reading) -> _Clock:
@@ -617,12 +619,15 @@ def _times(table: Cells, headings: list[Heading], one: Columns, how: Reading) ->
     seen = np.isfinite(time)
     stamps, index = np.unique(time[seen], return_inverse=True)
     even, rate = even_times(stamps, step, how.frame_rate)
+    error = 0.0
+    if even is not stamps:  # the stamps determine the clock up to a shift that none of them shows
+        error = max(step - float(np.ptp(stamps - even)), 0.0) / np.sqrt(12.0)
     if even is not stamps or step < 1e-6 / rate:
         step = 0.0
     if how.frame_rate is not None and abs(rate / how.frame_rate - 1.0) > 1e-12:
         even = even * (rate / how.frame_rate)
     time[seen] = even[index]
-    return _Clock(time, True, step)
+    return _Clock(time, True, step, error)
 
 
 def _recording(
@@ -641,6 +646,7 @@ def _recording(
         "scale_known": False,
         "rate_known": clock.known,
         "rounding": clock.rounding,
+        "clock_error": clock.error,
     }
     if one.height is None:
         seen = np.isfinite(time)
@@ -889,6 +895,8 @@ def _joined(found: list[Recording], source: str, frame_rate: float | None) -> xr
     tracks = table_to_tracks(time, owner, np.concatenate(heights), source)
     if origin:
         tracks.attrs["origin"] = origin
+    if error := max(one.clock_error for one in found):
+        tracks.attrs["clock_error"] = error
     if frame_rate is not None:
         tracks.attrs["frame_rate"] = frame_rate
     if remarks := dict.fromkeys(remark for one in found for remark in one.remarks):

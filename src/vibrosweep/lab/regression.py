@@ -223,7 +223,7 @@ class Law(NamedTuple):
         """
         if self.name == CONSTANT:
             return e * v, e
-        v = np.maximum(v, LEAST_SPEED)
+        v = np.clip(v, LEAST_SPEED, 1.0 / LEAST_SPEED)  # in trial steps
         up, down = (self._speed(v * (1.0 + s), e, logarithm) for s in (STEP, -STEP))
         return self._speed(v, e, logarithm), (up - down) / (2.0 * STEP * v)
 
