@@ -18,10 +18,10 @@ import numpy as np
 
 from accuracy import options_of
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.base_fit import FITTED
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Experiment, oscillating_surface
 from vibrosweep.lab.impacts import find_impacts
+from vibrosweep.lab.regression import FITTED
 from vibrosweep.lab.traces import make_trace
 from vibrosweep.lab.trials import perform_trials
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from vibrosweep.errors import DataError, ParameterError, TrackError
-from vibrosweep.lab.base_fit import FAR, FittedLaw, Law, failed_fit, law_text, possible_laws
 from vibrosweep.lab.compare import compare_tracks
 from vibrosweep.lab.estimation import bounces_of, estimate, fit_phase
 from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment
 from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.lines import impact_lines, table_lines
+from vibrosweep.lab.regression import FAR, FittedLaw, Law, failed_fit, law_text, possible_laws
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.model.restitution_laws import PLASTIC, VISCOELASTIC, restitution_at
 

@@ -9,13 +9,14 @@ import pytest
 
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.ballistics import Input
-from vibrosweep.lab.base_fit import Contacts, Oscillation, find_contacts, fit_base
+from vibrosweep.lab.base_fit import Contacts, Inputs, Oscillation, find_contacts, fit_base
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.flights import Fits, meet
 from vibrosweep.lab.impacts import BOUNCED, STAYED, find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines, impact_numbers
+from vibrosweep.lab.paths import compress
 from vibrosweep.lab.traces import make_trace, read_trace
 from vibrosweep.lab.trials import perform_trials
 
@@ -221,8 +222,17 @@ def bounces(lasting, scatter, number=200):
     """Bounces at random phases between flights known with noise."""
     rng = np.random.default_rng(7)
     lands = np.sort(rng.uniform(0.0, 20.0, number))
-    leaves, towards = lands + lasting, rng.uniform(0.2, 0.8, number)
+    leaves, towards = lands.copy(), rng.uniform(0.2, 0.8, number)
     away = (TRUTH[0] + scatter * rng.standard_normal(number)) * towards
+    for k in range(number if lasting else 0):
+
+        def push(since, k=k):
+            down = G + float(BASE.acceleration(lands[k] + lasting * since))
+            return down * lasting / towards[k]
+
+        run = compress(away[k] / towards[k], "dashpot", push)
+        leaves[k] += lasting * run.t[-1]
+        away[k] = -towards[k] * run.y[1, -1]
     flights = []
     for time, speed, way in (
         (lands, BASE.velocity(lands) - towards, -1.0),
@@ -251,7 +261,8 @@ def bounces(lasting, scatter, number=200):
 @pytest.mark.parametrize(("lasting", "scatter"), [(0.0, 0.0), (5e-4, 0.003), (2e-3, 0.012)])
 def test_contact_and_scatter_are_found_and_bias_nothing(lasting, scatter):
     """Four standard errors, and the upper limit of the scatter: chance failures are negligible."""
-    found = fit_base(bounces(lasting, scatter), 20.0, free=False, moves=True, contact=ANY)
+    inputs = Inputs(Input(G), contact=ANY)
+    found = fit_base(bounces(lasting, scatter), 20.0, free=False, moves=True, inputs=inputs)
     error = np.sqrt(np.diag(found.covariance))
     assert (np.abs(found.values[:3] - TRUTH) < 4.0 * error[:3]).all()
     assert abs(found.values[-1] - lasting) < 4.0 * error[-1]

@@ -9,14 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vibrosweep.errors import ParameterError, TrackError
-from vibrosweep.lab.base_fit import (
-    FAR,
-    BaseFit,
-    Oscillation,
-    _preferred,
-    is_improbable,
-    robust_covariance,
-)
+from vibrosweep.lab.base_fit import BaseFit, Oscillation, _preferred
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.fitting import Setup, fit_tracks
@@ -24,6 +17,7 @@ from vibrosweep.lab.flights import contradicts
 from vibrosweep.lab.impacts import contact_of, find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.recordings import Recording
+from vibrosweep.lab.regression import FAR, is_improbable, robust_covariance
 from vibrosweep.lab.shaken_times import times_on_shaker
 from vibrosweep.lab.trials import perform_trials
 

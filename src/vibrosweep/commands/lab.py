@@ -105,7 +105,6 @@ TRACKS: Final = (
     ),
     argument("--base-track", metavar="NAME", help="particle that is a mark on the base"),
     _value("exposure", "S", "exposure time; default: 0", default=0.0),
-    _value("gravity", "G", "m/s^2; default: 9.81", default=9.81),
     argument(
         "--method",
         choices=("fit", "sign_change"),
@@ -113,9 +112,23 @@ TRACKS: Final = (
         help="intersect parabolas, or find the sign change of the velocity; default: fit",
     ),
 )
-IMPACTS: Final = (*TRACKS, _value("phase", "RAD", "phase of the forcing at t = 0", default=0.0))
+OR_RANGE: Final = "; a number, or a range LOW:HIGH"
+IMPACTS: Final = (
+    *TRACKS,
+    _value(
+        "gravity",
+        "G",
+        "m/s^2, or a range LOW:HIGH if the scale is uncertain; default: 9.81",
+        type=_range,
+        default=9.81,
+    ),
+    _value("phase", "RAD", "phase of the forcing at t = 0", default=0.0),
+    _value("mass", "KG", "mass of a ball, for drag in air over a moving base"),
+    _value("diameter", "M", "its diameter"),
+)
 COMPARE: Final = (
     *TRACKS,
+    _value("gravity", "G", "m/s^2; default: 9.81", default=9.81),
     _value("restitution", "E", "default: estimated"),
     _value("amplitude", "M/S", "default: estimated"),
     _value("phase", "RAD", "at t = 0; default: estimated"),
@@ -130,7 +143,6 @@ KNOWN: Final = (
     *("gravity", "frequency", "restitution", "amplitude", "phase", "contact_time"),
     "restitution_speed",
 )
-OR_RANGE: Final = "; a number, or a range LOW:HIGH"
 RESTITUTION: Final = (
     _files("films, or times of impacts"),
     *SHARED,
@@ -269,6 +281,8 @@ def _impact_times(options: argparse.Namespace, lists: list[list[Recording]]) -> 
     from vibrosweep.lab.shaken_times import times_on_shaker
 
     _check_output(options, len(lists))
+    if (options.mass, options.diameter) != (None, None):
+        raise TrackError("--mass, --diameter: drag is taken into account in films, not in times")
     how = _selected(options, "frequency", "contact", "gravity")
     results = [times_on_shaker(recordings, **how) for recordings in lists]
     for found in results:
@@ -280,7 +294,7 @@ def _impact_times(options: argparse.Namespace, lists: list[list[Recording]]) -> 
 def _impacts(options: argparse.Namespace) -> None:
     from vibrosweep.api.result_kinds import IMPACTS as KIND
     from vibrosweep.lab.fitting import Setup, fit_tracks
-    from vibrosweep.lab.impacts import agreement, contact_of, impacts_of, quantities
+    from vibrosweep.lab.impacts import agreement, gravity_of, impacts_of, inputs_of, quantities
     from vibrosweep.lab.lines import (
         agreement_lines,
         flights_of,
@@ -300,11 +314,13 @@ def _impacts(options: argparse.Namespace) -> None:
         _impact_times(options, lists)
         return
     _check_output(options, len(recordings))
-    facts = _facts(options) | {"contact": contact_of(options.contact)}
-    setup, summaries, numbers = Setup(**facts, frequency=options.frequency), [], []
+    facts, fall = _facts(options), gravity_of(options.gravity)
+    inputs = inputs_of(facts.pop("contact"), options.mass, options.diameter, fall)
+    setup, gravity = Setup(**facts, frequency=options.frequency, inputs=inputs), fall.value
+    summaries, numbers = [], []
     for tracks in recordings:
-        fitted = fit_tracks(tracks, options.gravity, setup)
-        found = impacts_of(tracks, fitted, options.gravity, options.method)
+        fitted = fit_tracks(tracks, gravity, setup)
+        found = impacts_of(tracks, fitted, gravity, options.method)
         say(options, *impact_lines(found))
         summaries.append(quantities(found, frequency=options.frequency, phase=options.phase))
         numbers.append(impact_numbers(found) | numbers_of(summaries[-1]))

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Final, NamedTuple
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 from scipy.linalg import cholesky_banded, solve_banded
 from scipy.optimize import OptimizeResult, brentq, least_squares, minimize_scalar
-from scipy.special import chdtrc
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.ballistics import Input
+from vibrosweep.lab.ballistics import POWER, Input
 from vibrosweep.lab.flights import (
     Fits,
     Samples,
@@ -25,383 +24,21 @@ from vibrosweep.lab.flights import (
     meet,
     stretches,
 )
-from vibrosweep.lab.variables import with_error, with_units
-from vibrosweep.model.restitution_laws import (
-    CONSTANT,
-    LEAST_VISCOELASTIC,
-    PLASTIC,
-    VISCOELASTIC,
-    restitution_at,
+from vibrosweep.lab.regression import (
+    FAR,
+    FEWEST,
+    STEP,
+    TWO_PI,
+    Law,
+    Speeds,
+    fits_better,
+    frequencies_to_try,
+    is_unphysical,
+    ordinary_least_squares,
+    robust_covariance,
+    weakest_signal,
+    widen,
 )
-
-# -----------------------------------------------------------------------------
-# Linear regression of bounces: search for the frequency, tests of residuals and of the signal.
-
-TWO_PI: Final = 2.0 * np.pi
-FEWEST: Final = 10  # bounces that an estimate needs
-# Longest time (s) and largest number of bounces of the frequency scan; its step is a quarter of the
-# width of the minimum.
-SCAN_SECONDS: Final = 10.0
-SCAN_BOUNCES: Final = 1000
-SUBHARMONICS: Final = (2, 3, 4, 5)
-# Standard errors by which a restitution may exceed its range
-UNPHYSICAL: Final = 3.0
-# Threshold of Vuong's test in standard deviations: with independent data that favour neither model,
-# one recording in 370 would be decided.
-DECIDED: Final = 3.0
-# p-value of chi-square below which noise does not explain the residuals
-IMPROBABLE: Final = 1e-3
-LEAST_FREE: Final = 1e-3  # lower bound on 1 minus the leverage of an equation
-NEAR: Final = 0.05  # Hz, many times the error of a submultiple of the frequency
-
-
-class Speeds(NamedTuple):
-    """Speeds and times of bounces, arrays of shape (bounce,)."""
-
-    # arrive, leave: speeds before and after the bounce, m s-1
-    arrive: Array
-    leave: Array
-    time: Array  # s
-
-    def take(self, chosen: Flags | Indices) -> Speeds:
-        """Return the chosen bounces."""
-        return Speeds._make(values[chosen] for values in self)
-
-
-def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
-    """Find the frequency (Hz) at which the map fits the bounces best, by ordinary least squares.
-
-    A scan with the earliest bounces finds the minimum; longer and longer stretches refine it.
-    """
-    speeds = speeds.take(np.argsort(speeds.time))
-    since = speeds.time - speeds.time[0]
-    early = speeds.take(np.flatnonzero(since <= SCAN_SECONDS)[:SCAN_BOUNCES])
-    span = max(float(np.ptp(early.time)), 1e-9)
-    steps = int((between[1] - between[0]) * 4.0 * span) + 2
-    trial = np.linspace(*between, steps)
-    misfit = [_misfits(part, early) for part in np.array_split(trial, steps // 256 + 1)]
-    best, width = float(trial[np.argmin(np.concatenate(misfit))]), float(trial[1] - trial[0])
-    reach = span
-    while True:  # doubling the length halves the width of the minimum
-        used = speeds.take(since <= reach)
-        best = float(
-            minimize_scalar(
-                lambda f, used=used: float(_misfits(np.array([f]), used)[0]),
-                bounds=(best - width, best + width),
-                method="bounded",
-                options={"xatol": 1e-4 * width},
-            ).x
-        )
-        if reach > since[-1]:
-            return best
-        reach, width = 2.0 * reach, width / 2.0
-
-
-def frequencies_to_try(
-    speeds: Speeds, known: float | None, between: tuple[float, float]
-) -> list[float]:
-    """Return the known frequency (Hz), or that of `find_frequency` and its submultiples.
-
-    On orbits that visit few phases, a multiple of the frequency may fit better by ordinary least
-    squares, which assigns all errors to the departure.
-    """
-    if known is not None:
-        return [known]
-    best = find_frequency(speeds, between)
-    parts = [best / k for k in SUBHARMONICS if best / k > between[0]]
-    return [best, *(find_frequency(speeds, (f - NEAR, f + NEAR)) for f in parts)]
-
-
-def is_unphysical(values: Array, covariance: Array) -> bool:
-    """Return whether the restitution, the first value, is significantly below 0 or above 1."""
-    error = float(np.sqrt(covariance[0, 0]))
-    return bool(max(-values[0], values[0] - 1.0) > UNPHYSICAL * error)
-
-
-def fits_better(distance: Array, other: Array, penalty: float = 0.0) -> bool:
-    """Return whether the first of two models fits significantly better (Vuong's test).
-
-    The mean difference of the squared distances is tested against its scatter (Vuong 1989,
-    Econometrica 57, 307), so that a few outliers decide nothing.  `penalty` is added to the
-    chi-square of the other model, for its additional parameters.
-    """
-    gain = other - distance
-    scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
-    return bool(gain.sum() + penalty > DECIDED * scatter)
-
-
-def is_improbable(misfit: float, freedom: int) -> bool:
-    """Return whether a reduced chi-square is too large to be due to noise."""
-    return freedom > 0 and bool(chdtrc(freedom, misfit * freedom) < IMPROBABLE)
-
-
-def widen(covariance: Array, misfit: float, freedom: int, influences: Array) -> Array:
-    """Scale the covariance of parameters by the reduced chi-square of their fit.
-
-    It is multiplied by a misfit above 1; if noise hardly explains the misfit, the `influences`, a
-    `robust_covariance`, are added.
-    """
-    wider = covariance * max(1.0, misfit)
-    return wider + influences if is_improbable(misfit, freedom) else wider
-
-
-def robust_covariance(residual: Array, slopes: Array, inverse: Array) -> Array:
-    """Estimate the covariance of parameters from residuals of any distribution.
-
-    This is White's estimator with the correction HC3 (MacKinnon and White 1985, J. Econometrics 29,
-    305): the error of each equation is estimated by its residual from a fit to the others.
-    Residuals and slopes are whitened; `inverse` is the inverse of the normal equations.
-    """
-    leverage = np.einsum("ij,jk,ik->i", slopes, inverse, slopes)
-    left = residual / np.maximum(1.0 - leverage, LEAST_FREE)
-    influence = slopes @ inverse * left[:, np.newaxis]
-    return np.asarray(influence.T @ influence)
-
-
-def _misfits(frequency: Array, speeds: Speeds) -> Array:
-    """Residual sum of squares of the best e, S and C at each frequency."""
-    design, leave = _design(speeds, frequency), speeds.leave
-    normal = np.einsum("fni,fnj->fij", design, design)
-    right = np.einsum("fni,n->fi", design, leave)
-    # a small ridge, because the columns are linearly dependent at some frequencies
-    normal += 1e-9 * np.trace(normal, axis1=1, axis2=2)[:, np.newaxis, np.newaxis] * np.eye(3)
-    found = np.linalg.solve(normal, right[..., np.newaxis])[..., 0]
-    return np.asarray(leave @ leave - np.einsum("fi,fi->f", right, found))
-
-
-def _design(speeds: Speeds, frequency: float | Array) -> Array:
-    """Columns v, sin 2 pi f t and cos 2 pi f t, shape (bounce, 3), for each frequency."""
-    angle = np.multiply.outer(TWO_PI * np.asarray(frequency), speeds.time)
-    arrive = np.broadcast_to(speeds.arrive, angle.shape)
-    return np.stack([arrive, np.sin(angle), np.cos(angle)], axis=-1)
-
-
-def ordinary_least_squares(speeds: Speeds, frequency: float) -> Array:
-    """Fit e, S and C of v' = e v + S sin 2 pi f t + C cos 2 pi f t by ordinary least squares."""
-    return np.asarray(np.linalg.lstsq(_design(speeds, frequency), speeds.leave, rcond=1e-9)[0])
-
-
-def weakest_signal(
-    speeds: Speeds, frequency: float, kick: Array, speed_variance: Array, time_variance: Array
-) -> float:
-    """Signal-to-noise ratio in the weakest direction of the design matrix.
-
-    All bounces of a locked orbit are equal up to timing errors, so that however many there are, two
-    of the three parameters remain undetermined.  `kick` holds S and C (m s-1); the
-    variances are those of the speed of arrival and of the time of each bounce.
-    """
-    amplitude = max(float(np.hypot(*kick)), 1e-300)
-    design = _design(speeds, frequency) * [1.0, amplitude, amplitude]
-    weakest = float(np.linalg.eigvalsh(design.T @ design / speeds.time.size)[0])
-    turning = TWO_PI * frequency * amplitude
-    return weakest / float(speed_variance.mean() + turning**2 * time_variance.mean())
-
-
-# -----------------------------------------------------------------------------
-# Laws of restitution compatible with the bounces: the dependence of e on the impact speed.
-#
-# All laws are fitted to the same bounces.  Two are compared by Vuong's test, with Schwarz's
-# correction for an additional parameter.
-
-FITTED: Final = (CONSTANT, PLASTIC, VISCOELASTIC)
-# Quantiles of the impact speeds at which fits of the yield speed start
-STARTS: Final = (0.15, 0.5, 0.85)
-STEP: Final = 1e-5  # step of finite differences: relative for speeds, absolute for the restitution
-# Upper limit of the squared distance of a bounce, about three standard errors, so that no single
-# bounce decides
-FAR: Final = 10.0
-FARTHEST: Final = 30.0  # largest absolute value of the logarithm of a speed in m s-1
-LEAST_SPEED: Final = 1e-9  # m s-1
-
-
-class Law(NamedTuple):
-    """A law of restitution with its speed in m s-1.
-
-    The yield speed of a plastic law is a fit parameter with the initial value `speed`,
-    unless it is `fixed`.
-    """
-
-    name: str = CONSTANT
-    speed: float = np.nan
-    fixed: bool = False
-
-    @property
-    def parameters(self) -> int:
-        """Number of parameters besides the restitution: 1 with a free yield speed, else 0."""
-        return int(self.name == PLASTIC and not self.fixed)
-
-    def rebound_speed(self, v: Array, e: float, logarithm: float) -> tuple[Array, Array | float]:
-        """Return the speed after an impact at speed v, and its derivative by v.
-
-        `logarithm` is that of the yield speed, if this is a parameter.
-        """
-        if self.name == CONSTANT:
-            return e * v, e
-        v = np.maximum(v, LEAST_SPEED)
-        up, down = (self._speed(v * (1.0 + s), e, logarithm) for s in (STEP, -STEP))
-        return self._speed(v, e, logarithm), (up - down) / (2.0 * STEP * v)
-
-    def derivatives(self, v: Array, e: float, logarithm: float) -> list[Array]:
-        """Derivatives of the speed after an impact by each parameter, the restitution first."""
-        if self.name == CONSTANT:
-            return [v]
-        steps = [(STEP, 0.0), (0.0, STEP)][: 1 + self.parameters]
-        pairs = [
-            [self.rebound_speed(v, e + s * x, logarithm + s * y)[0] for s in (1, -1)]
-            for x, y in steps
-        ]
-        return [(up - down) / (2.0 * STEP) for up, down in pairs]
-
-    def _speed(self, v: Array, e: float, logarithm: float) -> Array:
-        speed = float(np.exp(np.clip(logarithm, -FARTHEST, FARTHEST)))
-        speed = speed if self.parameters else self.speed
-        least = LEAST_VISCOELASTIC if self.name == VISCOELASTIC else 0.0
-        return v * restitution_at(v, min(max(e, least), 1.0), self.name, speed)
-
-
-class FittedLaw(NamedTuple):
-    """A law of restitution fitted to bounces."""
-
-    law: Law
-    # values, covariance: restitution, S, C, f if it was free, S and C of other harmonics, and the
-    # yield speed (m s-1) if it was a parameter
-    values: Array
-    covariance: Array
-    # misfit, freedom, bounces: reduced chi-square, number of degrees of freedom, and
-    # number of bounces used
-    misfit: float
-    freedom: int
-    bounces: int
-    # Squared distance of each bounce in standard errors, at most `FAR`; infinite if the fit failed
-    distance: Array
-
-    @property
-    def speed(self) -> float:
-        """Speed of the law in m s-1; NaN for a constant restitution."""
-        return float(self.values[-1]) if self.law.parameters else self.law.speed
-
-    @property
-    def errors(self) -> tuple[float, float]:
-        """Standard errors of the restitution and of the speed, NaN if the speed was not fitted."""
-        error = np.sqrt(np.diag(self.covariance))
-        return float(error[0]), float(error[-1]) if self.law.parameters else np.nan
-
-
-def fit_law(name: str, speeds: Array, fit: Callable[[Law], FittedLaw]) -> FittedLaw:
-    """Fit a law to bounces at given impact speeds, from several initial yield speeds."""
-    places = STARTS if name == PLASTIC else (0.5,)
-    return best_fit([fit(Law(name, float(np.quantile(speeds, place)))) for place in places])
-
-
-def best_fit(fits: Sequence[FittedLaw]) -> FittedLaw:
-    """Return the fit with the smallest chi-square."""
-    return min(fits, key=lambda fit: float(fit.distance.sum()))
-
-
-def failed_fit(law: Law, bounces: int) -> FittedLaw:
-    """Return the result for a law whose fit did not converge."""
-    law, nan = law._replace(speed=np.nan), np.full((1, 1), np.nan)
-    return FittedLaw(law, nan[0], nan, np.nan, 0, 0, np.full(bounces, np.inf))
-
-
-def with_speed(law: Law, values: Array, covariance: Array) -> tuple[Array, Array]:
-    """Replace the logarithm of the yield speed, the last value, by the speed itself."""
-    if not law.parameters:
-        return values, covariance
-    scale = np.ones(values.size)
-    scale[-1] = np.exp(values[-1])
-    return np.append(values[:-1], scale[-1]), covariance * np.outer(scale, scale)
-
-
-def possible_laws(fits: Sequence[FittedLaw]) -> list[str]:
-    """Names of the laws that the bounces do not rule out, the best one first."""
-
-    def criterion(fit: FittedLaw) -> float:
-        return float(fit.distance.sum() + fit.law.parameters * np.log(fit.distance.size))
-
-    fitted = [fit for fit in fits if np.isfinite(fit.distance).all()]
-    if not fitted:
-        return []
-    best, *others = sorted(fitted, key=criterion)
-    possible = [best.law.name]
-    for other in others:
-        more = other.law.parameters - best.law.parameters
-        penalty = more * float(np.log(other.distance.size))
-        if not fits_better(best.distance, other.distance, penalty):
-            possible.append(other.law.name)
-    # a fit that failed rules out nothing
-    return possible + [fit.law.name for fit in fits if not np.isfinite(fit.distance).all()]
-
-
-def preferred_law(fits: Sequence[FittedLaw]) -> FittedLaw | None:
-    """Return the fit with the best law if bounces rule out a constant restitution, else None."""
-    name = law_to_use(possible_laws(fits))
-    return None if name == CONSTANT else next(fit for fit in fits if fit.law.name == name)
-
-
-def law_to_use(left: Sequence[str]) -> str:
-    """Return the law to use: constant or, if that is ruled out, the best of the others.
-
-    `left` names the laws that the bounces do not rule out, the best one first.
-    """
-    return CONSTANT if not left or CONSTANT in left else left[0]
-
-
-def law_of(found: xr.Dataset) -> tuple[str, float]:
-    """Return the law of the parameters of a result of `estimate`, and its speed (m s-1).
-
-    The speed is NaN if the restitution is constant.
-    """
-    name = law_to_use(_possible_laws(found))
-    return name, np.nan if name == CONSTANT else float(found["law_speed"].sel(law=name))
-
-
-def law_variables(fits: Sequence[FittedLaw], scale: float = 1.0) -> dict[str, Any]:
-    """Variables with the dimension law; `scale` multiplies speeds."""
-    speeds = [[scale * v for v in (fit.speed, fit.errors[1])] for fit in fits]
-    columns = {
-        "law_restitution": ([float(fit.values[0]) for fit in fits], "1", "restitution of the law"),
-        "law_restitution_error": ([fit.errors[0] for fit in fits], "1", "its standard error"),
-        "law_speed": ([v for v, _ in speeds], "m s-1", "restitution_speed of the law"),
-        "law_speed_error": ([error for _, error in speeds], "m s-1", "its standard error"),
-        "law_distance": (
-            [float(fit.distance.mean()) for fit in fits],
-            "1",
-            "mean squared distance of the bounces in standard errors",
-        ),
-    }
-    return {"law": [fit.law.name for fit in fits], **with_units("law", columns)}
-
-
-def _possible_laws(found: xr.Dataset) -> list[str]:
-    """Read the laws that the bounces do not rule out from the attribute of a result."""
-    names = str(found.attrs["restitution_law"])
-    return names.split(" or ") if names else []
-
-
-def law_text(found: xr.Dataset) -> str:
-    """State which laws of restitution a result of `estimate` allows; empty if it names none."""
-    left, undecided = _possible_laws(found), ""
-    if not left:
-        return ""
-    law = law_to_use(left)
-    *others, last = left
-    if others:
-        either = f"{', '.join(others)} or {last}"
-        undecided = f"the bounces do not decide whether the law of restitution is {either}"
-    if law == CONSTANT:
-        ruled_out = " and ".join(name for name in FITTED if name != CONSTANT)
-        return undecided or f"the restitution is constant: the bounces rule out {ruled_out} laws"
-    fit = found.sel(law=law)
-    e, speed = (
-        with_error(float(fit[name]), float(fit[f"{name}_error"]))
-        for name in ("law_restitution", "law_speed")
-    )
-    text = f'restitution_law = "{law}", restitution {e}, restitution_speed {speed} m/s'
-    if undecided:
-        return f"{undecided}; the parameters are those of the best: {text}"
-    return f"the restitution depends on speed: {text}"
-
 
 # -----------------------------------------------------------------------------
 # Contacts with the base: intersections of successive flights, wherever the base is.
@@ -423,6 +60,7 @@ class Contacts(NamedTuple):
     departure: Array
     noise: float  # standard deviation of a sample, m
     gravity: float  # curvature of the parabolas, m s-2
+    drag: float = 0.0  # that `without_drag` took out of the samples, s2 m-2
 
     @property
     def speeds(self) -> Speeds:
@@ -440,6 +78,38 @@ class Contacts(NamedTuple):
             **{name: getattr(self, name)[chosen] for name in columns},
         )
 
+    def falling(self, gravity: float, drag: float) -> Contacts:
+        """Return the contacts if flights fall with another gravity (m s-2), in air.
+
+        `drag` is 1 / (terminal speed)^2 (s2 m-2).  All changes are of first order; the lines that
+        were fitted to a flight are those of evenly spaced samples.
+        """
+        if gravity == self.gravity and drag == self.drag == 0.0:
+            return self
+        more, cubic = gravity - self.gravity, drag * gravity**3
+        fitted = (drag - self.drag) * gravity**3
+        changes = []
+        for fits in (self.before, self.after):
+            since, apex = self.time - fits.centre, fits.slope / gravity
+            half = np.sqrt(3.0 * fits.spread / fits.number)
+            last, first, here = half - apex, -half - apex, since - apex
+            fifth = (np.abs(last) ** 5 - np.abs(first) ** 5) / 5.0
+            sixth = (last**5 * np.abs(last) - first**5 * np.abs(first)) / 6.0
+            level = fitted * fifth / (24.0 * half)
+            slope = fitted * (sixth + apex * fifth) / (8.0 * half**3)
+            rise = 0.5 * more * (half**2 / 3.0 - since**2)
+            rise += bend(here, gravity, drag) - level - slope * since
+            changes.append((rise, cubic * np.abs(here) ** 3 / 3.0 - slope - more * since))
+        (low, falling), (high, rising) = changes
+        later = (low - high) / (self.departure - self.arrival)
+        return self._replace(
+            time=self.time + later,
+            height=self.height + low + self.arrival * later,
+            arrival=self.arrival + falling - gravity * later,
+            departure=self.departure + rising - gravity * later,
+            gravity=gravity,
+        )
+
     def earliest(self, number: int) -> Contacts:
         """Return the earliest `number` of contacts, or all if there are no more."""
         if self.time.size <= number:
@@ -455,6 +125,23 @@ class Cut(NamedTuple):
     # fall, error: downward acceleration in high stretches, and its standard error, m s-2
     fall: float
     error: float
+
+
+def without_drag(samples: Samples, member: Indices, gravity: float, drag: float) -> Samples:
+    """Take the effect of drag, of first order, out of the samples of each stretch.
+
+    `member` is the number of the stretch of each sample, -1 for none; `drag` is
+    1 / (terminal speed)^2 (s2 m-2).  The samples are then on parabolas with the same apexes.
+    """
+    fits = fit_parabolas(samples, member, int(member.max()) + 1, gravity)
+    apex = fits.centre + fits.slope / gravity
+    since = np.where((member >= 0) & (fits.number[member] > 2.0), samples.time - apex[member], 0.0)
+    return replace(samples, height=samples.height - bend(since, gravity, drag))
+
+
+def bend(since: Array, gravity: float, drag: float) -> Array:
+    """Displacement (m) by drag, of first order, at times (s) relative to the apex of a flight."""
+    return np.asarray(drag * gravity**3 * since**3 * np.abs(since) / 12.0)
 
 
 def find_contacts(samples: Samples, gravity: float) -> Cut:
@@ -509,8 +196,11 @@ def contacts_between(
     found = Contacts(
         before, after, owner[landing], linked, met.time, met.height, arrival, departure, noise, fall
     )
-    # two parts of one flight have no contact between them: their slopes differ only by rounding
-    return found.take(departure > arrival)
+    # two parts of one flight have no contact between them: their slopes hardly differ, so that
+    # where they meet is not even known to a frame
+    step = float(np.median(np.diff(samples.time)))
+    with np.errstate(invalid="ignore"):
+        return found.take((departure > arrival) & (noise * np.sqrt(met.time_variance) < step))
 
 
 # -----------------------------------------------------------------------------
@@ -529,10 +219,14 @@ def contacts_between(
 # distinguishes the two bases.
 #
 # A contact of duration tau begins before the parabolas meet and ends after that, by fractions of
-# tau in the ratio of the speeds, and they meet below the base.  The contact time is a parameter,
-# which the heights determine within the given range.  The restitution may scatter from bounce to
-# bounce: its standard deviation, a variance component of the second equation, is the
-# maximum-likelihood estimate.
+# tau in the ratio of the speeds, and they meet below the base.  As the acceleration of the base and
+# gravity, together G, act during the contact, the ball leaves later and more slowly: those of a
+# dashpot follow from the motion under a constant G, to first order the speed is less by k G tau,
+# k = -2 (1 + e) log e / (pi^2 + log^2 e).  For a Hertz contact, whose duration is v^-0.2 times that
+# at 1 m/s, the factors were integrated; the exponent is a parameter between the two.  Contact time,
+# exponent, apparent gravity and drag are parameters with priors; heights and curvatures determine
+# them further.  The restitution may scatter from bounce to bounce: its standard deviation, a
+# variance component of the second equation, is the maximum-likelihood estimate.
 #
 # The equations of a chain of flights are those of a deterministic orbit, on which errors grow: in
 # some combinations of many equations the first-order errors cancel.  Second-order terms remain,
@@ -551,13 +245,46 @@ UNDETERMINED: Final = (
 ROUNDS: Final = 2
 MOST_STEPS: Final = 30
 STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite differences
-STEP_OF_CONTACT: Final = 1e-7  # s, for the contact time
 LONGEST_CONTACT: Final = 5e-3  # s
 # Default contact time, 0: bounces too low to be seen look like long contacts, and so do the kicks
 # of a base at a constant level
 INSTANT: Final = Input(0.0, 1e-9)
 SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # trial values of the scatter of e
+# Effects of G on a Hertz contact relative to those on a dashpot, less 1: a + e on the speed, and
+# b - c e on the duration
+HERTZ: Final = (0.06, 0.35, 0.75)
+MOST_PUSH: Final = 0.7  # G tau / v; at more, a ball hardly leaves
+NEWTONS: Final = 4
+# Limits of the inputs in trial steps, against overflow
+FARTHEST: Final = np.array([[0.1, 1e3], [-1.0, 1.0], [-0.5, 0.5], [-0.1, 0.1]])
+SLOWEST: Final = 1e-3  # m s-1, least impact speed in the contact time
+LEAST_E: Final = 0.01
 ONE_SIDED: Final = 2.71  # rise of the deviance at a one-sided limit of 95 %
+
+
+class Inputs(NamedTuple):
+    """Priors of quantities that are the same in all flights and contacts."""
+
+    gravity: Input  # apparent, m s-2
+    drag: Input = Input(0.0)  # 1 / (terminal speed)^2, s2 m-2
+    power: Input = Input(0.0)  # contact times are proportional to (impact speed)^-power
+    contact: Input = INSTANT  # contact time at 1 m/s, s
+
+    @property
+    def instant(self) -> Inputs:
+        """The same with instantaneous impacts."""
+        return self._replace(power=Input(0.0), contact=INSTANT)
+
+    @property
+    def firm(self) -> Inputs:
+        """The same without errors except that of the contact time."""
+        gravity, drag, power = (Input(one.value) for one in self[:-1])
+        return Inputs(gravity, drag, power, self.contact)
+
+
+COUNT: Final = len(Inputs._fields)
+STEPS_OF_INPUTS: Final = (1e-4, 1e-6, 1e-3, 1e-7)
+EXACT: Final = 1e-9  # relative error of an input without one
 
 
 class Oscillation(NamedTuple):
@@ -645,7 +372,7 @@ class BaseFit(NamedTuple):
     """Motion of a base fitted to contacts."""
 
     # values, covariance: restitution, S, C, f if it was free, S and C of other harmonics; then the
-    # level below each particle, and the contact time (s)
+    # level below each particle, and the quantities of `Inputs`
     values: Array
     covariance: Array
     problem: Problem  # contacts to which it was fitted
@@ -662,9 +389,15 @@ class BaseFit(NamedTuple):
     scatter_limit: float  # upper limit (95 %) on the scatter of the restitution
 
     @property
-    def contact(self) -> float:
-        """Contact time in s, at least 0."""
-        return max(float(self.values[-1]), 0.0)
+    def gravity(self) -> tuple[float, float]:
+        """Apparent gravity and its standard error, m s-2."""
+        return float(self.values[-COUNT]), float(np.sqrt(self.covariance[-COUNT, -COUNT]))
+
+    def lasting(self, speed: Array, time: Array) -> Array:
+        """Contact times (s), at least 0, of impacts at speeds relative to the base and times."""
+        base, half = self.oscillation, max(float(self.values[-1]), 0.0) / 2.0
+        fall, jerk = self.gravity[0] + base.acceleration(time + half), base.jerk(time + half)
+        return np.maximum(self.problem.lasting(self.values, speed, fall, jerk)[0], 0.0)
 
 
 class Problem(NamedTuple):
@@ -675,9 +408,9 @@ class Problem(NamedTuple):
     frequency: float | None
     moves: float
     trace: Trace | None
-    # Law of restitution; a yield speed is the last parameter, after the contact time
+    inputs: Inputs
+    # Law of restitution; a yield speed is the last parameter, after the inputs
     law: Law = Law()
-    contact: Input = INSTANT  # prior of the contact time, s
     scatter: float = 0.0  # standard deviation of the restitution from bounce to bounce
 
     @property
@@ -701,20 +434,28 @@ class Problem(NamedTuple):
         the flights before and after, per standard error, shapes (contact, 2, 2), and variances
         specific to each contact, shape (contact, 2): scatter and second-order errors.
         """
-        c, e, base = self.contacts, values[0], self.base(values)
+        gravity, drag, *_ = self.inputs_of(values)
+        c, e, base = self.contacts.falling(gravity, drag), values[0], self.base(values)
         closing, moves = c.departure - c.arrival, self.moves
-        lasting = values[-1 - self.law.parameters] / closing
         shift = moves * base.velocity(c.time)
         falls, rises = shift - c.arrival, c.departure - shift  # towards and away from the base
-        begins, ends = -lasting * rises, lasting * falls  # of a contact, from where they meet
         fall = c.gravity + moves * base.acceleration(c.time)
+        jerk, spare = moves * base.jerk(c.time), falls - rises
+        lasting, _ = self.lasting(values, falls, fall, jerk)
+        middle = fall + 0.5 * jerk * spare * lasting / closing
+        impact = falls - fall * lasting * rises / closing  # before the flights meet
+        lasting, slower = self.lasting(values, impact, middle, jerk)
+        lasting /= closing
+        later = 0.5 * fall * lasting**2 * spare
+        begins, ends = later - lasting * rises, later + lasting * falls  # from where they meet
         left = c.height - values[self.parameters + self.owner] - moves * base.height(c.time)
         left += lasting * falls * rises
         left -= 0.5 * fall * lasting**2 * (falls**3 + rises**3) / closing
+        left -= lasting**3 * spare * (jerk * (falls**2 + rises**2) / 6.0 + 0.5 * fall**2 * spare)
         velocity = base.velocity(c.time + begins)
         arrives = velocity - c.arrival + c.gravity * begins
         after, q = self.law.rebound_speed(arrives, e, values[-1])
-        bounce = c.departure - c.gravity * ends - base.velocity(c.time + ends) - after
+        bounce = c.departure - c.gravity * ends - base.velocity(c.time + ends) - after + slower
         turn = (1.0 + q) * (c.gravity + base.acceleration(c.time)) / closing
         when = (c.noise / closing) ** 2  # variance of the contact's time
         when *= line_variance(c.before, c.time) + line_variance(c.after, c.time)
@@ -736,6 +477,41 @@ class Problem(NamedTuple):
             parts.append(np.moveaxis(np.array(rows), -1, 0))
         return np.stack([left, bounce], axis=1), parts[0], parts[1], own
 
+    def lasting(self, values: Array, speed: Array, fall: Array, jerk: Array) -> tuple[Array, Array]:
+        """Contact times (s), and by how much the ball is slower after contacts (m s-1).
+
+        The arguments are impact speeds (m s-1), accelerations of the base and gravity together in
+        the middle of the contacts (m s-2), and their rates of change (m s-3).
+        """
+        *_, power, contact = self.inputs_of(values)
+        speed, e = np.maximum(speed, SLOWEST), float(np.clip(values[0], LEAST_E, 1.0))
+        unit, decay, share = contact * speed**-power, -np.log(e), power / (2.0 * POWER.value)
+        push, last = np.clip(fall * unit / speed, -MOST_PUSH, MOST_PUSH), np.ones_like(speed)
+        for _ in range(NEWTONS + 1):
+            fades, sine, cosine = np.exp(-decay * last), np.sin(np.pi * last), np.cos(np.pi * last)
+            free = fades * sine / np.pi
+            given = (1.0 - fades * cosine - decay * free) / (np.pi**2 + decay**2)
+            rate = fades * cosine - decay * free + push * free
+            longer = last - 1.0
+            with np.errstate(divide="ignore", invalid="ignore"):
+                last = np.clip(last - (free + push * given) / rate, 0.5, 2.0)
+        slower = speed * (e + rate) * (1.0 + share * (e + HERTZ[0]))
+        # a change of G during the contact
+        z, change = complex(-decay, np.pi), jerk * unit**2
+        area = (1.0 + e) / (np.pi**2 + decay**2)
+        lever = area / 2.0 - (1.0 / z**2 - e * (1.0 / z - 1.0 / z**2)).imag / np.pi
+        slower += change * (area + 2.0 * decay * lever)
+        longer = longer * (1.0 + share * (HERTZ[1] - HERTZ[2] * e)) + lever / e * change / speed
+        return unit * (1.0 + longer), slower
+
+    def inputs_of(self, values: Array) -> Array:
+        """Return the values of the inputs, within limits."""
+        return np.asarray(np.clip(values[self.place(values) :][:COUNT], *FARTHEST.T))
+
+    def place(self, values: Array) -> int:
+        """Index of the first of the `Inputs` in the values."""
+        return values.size - COUNT - self.law.parameters
+
     def residuals(self, values: Array) -> Array:
         """Residuals in standard errors, ignoring correlations; shape (contact, 2)."""
         left, before, after, own = self.equations(values)
@@ -754,8 +530,13 @@ class Problem(NamedTuple):
         return np.asarray(np.minimum((self.residuals(values) ** 2).sum(axis=1), FAR))
 
     def flat_residuals(self, values: Array) -> Array:
-        """Residuals in standard errors, flattened."""
-        return self.residuals(values).ravel()
+        """Residuals in standard errors, flattened, for values without the inputs at their means."""
+        return self.residuals(np.append(values, [one.value for one in self.inputs])).ravel()
+
+    def off_prior(self, values: Array) -> Array:
+        """Deviations of the inputs from their prior means, in prior standard deviations."""
+        known, error = np.array([(one.value, one.error or EXACT) for one in self.inputs]).T
+        return np.asarray((values[self.place(values) :][:COUNT] - known) / error)
 
     def _factor(self, values: Array, used: Flags) -> tuple[Array, Array]:
         """Residuals of the `used` contacts, and the banded factor of their covariance."""
@@ -797,19 +578,17 @@ class Problem(NamedTuple):
     def whitened(self, values: Array, used: Flags, *, slopes: bool = False) -> Array:
         """Residuals whitened to unit covariance; with `slopes`, their derivatives by the levels.
 
-        Residuals of the prior of the contact time, and of the trace, follow.
+        Residuals of the priors of the inputs, and of the trace, follow.
         """
         left, factor = self._factor(values, used)
-        place = values.size - 1 - self.law.parameters  # of the contact time
+        place = self.place(values)
         levels = place - self.parameters
         right = np.zeros((left.size, levels)) if slopes else left
         if slopes:
             chosen = np.flatnonzero(used)
             right[2 * np.arange(chosen.size), self.owner[chosen]] = -1.0
         parts = [solve_banded((3, 0), factor, right)]
-        known, error, _ = self.contact
-        off = (values[place : place + 1] - known) / error
-        parts.append(np.zeros((1, levels)) if slopes else off)
+        parts.append(np.zeros((COUNT, levels)) if slopes else self.off_prior(values))
         if self.trace is not None:
             root = np.linalg.inv(np.linalg.cholesky(self.trace.covariance))
             motion = values[1 : self.parameters]
@@ -819,17 +598,20 @@ class Problem(NamedTuple):
 
     def derivatives(self, values: Array, used: Flags) -> Array:
         """Derivatives of `whitened` by all parameters."""
-        more = self.parameters - len(STEPS)
+        more, place = self.parameters - len(STEPS), self.place(values)
         steps = dict(enumerate((STEPS + STEPS[1:2] * more)[: self.parameters]))
-        steps |= {values.size - 1 - self.law.parameters: STEP_OF_CONTACT}
+        free = [one.error > 0.0 for one in self.inputs]
+        steps |= {k: step for k, step in enumerate(STEPS_OF_INPUTS, place) if free[k - place]}
         steps |= {values.size - 1: STEP} if self.law.parameters else {}
-        columns = []
+        levels, exact = self.whitened(values, used, slopes=True), np.flatnonzero(np.invert(free))
+        table = np.zeros((len(levels), values.size))
+        table[:, self.parameters : place] = levels
+        table[2 * np.count_nonzero(used) + exact, place + exact] = 1.0 / EXACT
         for k, step in steps.items():
             ends = [values + sign * step * (np.arange(values.size) == k) for sign in (1.0, -1.0)]
             up, down = (self.whitened(end, used) for end in ends)
-            columns.append((up - down) / (2.0 * step))
-        levels = self.whitened(values, used, slopes=True)
-        return np.column_stack([*columns[: self.parameters], levels, *columns[self.parameters :]])
+            table[:, k] = (up - down) / (2.0 * step)
+        return table
 
 
 def fit_base(
@@ -839,29 +621,30 @@ def fit_base(
     free: bool,
     moves: bool,
     trace: Trace | None = None,
-    contact: Input = INSTANT,
+    inputs: Inputs | None = None,
 ) -> BaseFit:
     """Fit the motion of a base to contacts.
 
     The frequency (Hz) is a parameter if `free` or if there is a `trace`, a measured motion of the
-    base; `contact` is the prior of the contact time (s).  Without `moves` the base has a constant
-    level and kicks.  Raises a TrackError if there are fewer equations than parameters.
+    base; `inputs` are by default instantaneous impacts in vacuum.  Without `moves` the base has a
+    constant level and kicks.  Raises a TrackError if there are fewer equations than parameters.
     """
     particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None
     known = None if free else frequency
-    problem = Problem(contacts, owner, known, float(moves), trace, contact=contact)
+    inputs = inputs or Inputs(Input(contacts.gravity))
+    problem = Problem(contacts, owner, known, float(moves), trace, inputs)
     traced, count = 0 if trace is None else trace.values.size, problem.parameters
     if 2 * contacts.time.size + traced < count + particles.size or not contacts.time.size:
         raise TrackError(UNDETERMINED)
     values, scale = _start(problem, frequency, particles.size)
     for bend in BENDS:
-        values = least_squares(
+        values[:-COUNT] = least_squares(
             problem.flat_residuals,
-            values,
+            values[:-COUNT],
             loss="cauchy",
             f_scale=bend,
-            x_scale=scale,
+            x_scale=scale[:-COUNT],
             max_nfev=MOST_STEPS,
         ).x
     problem, found, used, limit = without_outliers(problem, values, scale, problem.inliers(values))
@@ -873,7 +656,7 @@ def fit_base(
         problem,
         problem.base(values),
         particles,
-        values[count:-1],
+        values[count:-COUNT],
         used,
         misfit,
         freedom,
@@ -926,10 +709,11 @@ def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Arra
     if trace is not None and count > len(start):
         start = [_restitution(contacts, Oscillation(trace.values, trace.numbers)), *trace.values]
     medians = [np.median(contacts.height[problem.owner == p]) for p in range(levels)]
-    scale = np.concatenate([np.full(count, 0.1), np.full(levels, 1e-4), [1e-4]])
+    of_inputs = [0.01, 1e-3, 0.1, 1e-4]
+    scale = np.concatenate([np.full(count, 0.1), np.full(levels, 1e-4), of_inputs])
     if problem.frequency is None:
         scale[3] = 1e-3
-    return np.array([*start, *medians, problem.contact.value]), scale
+    return np.array([*start, *medians, *(one.value for one in problem.inputs)]), scale
 
 
 def _restitution(contacts: Contacts, base: Oscillation) -> float:
@@ -950,15 +734,19 @@ LEAST_SIGNAL: Final = 3.0
 
 
 def which_base(
-    contacts: Contacts, frequency: float | None = None, contact: Input = INSTANT
+    contacts: Contacts,
+    frequency: float | None = None,
+    inputs: Inputs | None = None,
+    known: bool = False,
 ) -> tuple[str, BaseFit | None]:
     """Fit a moving base and one at a constant level to contacts, and compare them.
 
     Returns ``"moving"``, ``"level"`` or ``"undetermined"``, and the fit of a moving base; None for
     contacts that do not determine the motion, such as those of a locked orbit, all at one phase.
-    The frequency (Hz) is estimated if it is None; `contact` is as in `fit_base`.
+    The frequency (Hz) is estimated if it is None; `inputs` are as in `fit_base`.
+    If the base is `known` to move, that at a constant level is not tried.
     """
-    few = contacts.earliest(MOST)
+    few, firm = contacts.earliest(MOST), (inputs or Inputs(Input(contacts.gravity))).firm
     if _too_few(few):
         return "undetermined", None
     free = frequency is None
@@ -967,9 +755,11 @@ def which_base(
     if not rates:
         return "undetermined", None
     tried = [
-        [fit_base(few, rate, free=free, moves=moves, contact=lasts) for rate in rates]
-        for moves, lasts in ((True, contact), (False, INSTANT))
+        [fit_base(few, rate, free=free, moves=moves, inputs=one) for rate in rates]
+        for moves, one in ((True, firm), (False, firm.instant))[: 1 if known else 2]
     ]
+    if known:
+        return "moving", min(tried[0], key=_distance)
     # with the same scatter, the smallest, lest a large scatter hide the residuals of a worse fit
     scatter = min(fit.problem.scatter for fits in tried for fit in fits)
     moving, level = (
@@ -984,7 +774,7 @@ def moves(moving: BaseFit) -> bool:
     if _too_few(contacts):
         return False
     rate = moving.oscillation.frequency
-    level = fit_base(contacts, rate, free=free, moves=False, contact=INSTANT)
+    level = fit_base(contacts, rate, free=free, moves=False, inputs=moving.problem.inputs.instant)
     scatter = min(moving.problem.scatter, level.problem.scatter)
     return _preferred(_with_scatter(moving, scatter), _with_scatter(level, scatter)) == "moving"
 

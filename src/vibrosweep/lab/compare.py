@@ -19,11 +19,19 @@ from vibrosweep.engine.workers import Workers
 from vibrosweep.errors import ParameterError, TrackError, require_one_of
 from vibrosweep.kernels.impact import Batch, base_of
 from vibrosweep.kernels.record import Record
-from vibrosweep.lab.base_fit import Trace, law_of, law_text
+from vibrosweep.lab.base_fit import Trace
 from vibrosweep.lab.estimation import estimate, fit_phase
 from vibrosweep.lab.experiment import LEVEL, Camera, Motion, film, heights, oscillating_surface
 from vibrosweep.lab.fitting import Setup, fit_tracks
-from vibrosweep.lab.impacts import BOUNCED, METHODS, contact_of, harmonic_numbers, impacts_of
+from vibrosweep.lab.impacts import (
+    BOUNCED,
+    METHODS,
+    gravity_of,
+    harmonic_numbers,
+    impacts_of,
+    inputs_of,
+)
+from vibrosweep.lab.regression import law_of, law_text
 from vibrosweep.lab.traces import polar, with_values
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.lab.trials import wandering_record
@@ -571,7 +579,8 @@ def compare_tracks(
     ):
         raise TrackError("recordings: must be tracks that read_tracks returns, or a list of them")
     frequency = known.get("frequency")
-    setup = Setup(base, exposure, motion, frequency, trace, contact_of(contact))
+    fall = gravity_of(known.get("gravity", PARAMETERS["gravity"].default))
+    setup = Setup(base, exposure, motion, frequency, trace, inputs_of(contact, None, None, fall))
     options = ComparisonOptions(known, method, setup, draws, rebound, seed, restitution_law)
     _check(recordings, options)
     with Workers(thread_count(threads)) as workers:

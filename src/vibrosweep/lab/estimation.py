@@ -16,7 +16,8 @@ from scipy.sparse import csr_array, diags_array
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.base_fit import (
+from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL, OF_BOUNCES, harmonic_numbers
+from vibrosweep.lab.regression import (
     FAR,
     FEWEST,
     FITTED,
@@ -39,7 +40,6 @@ from vibrosweep.lab.base_fit import (
     widen,
     with_speed,
 )
-from vibrosweep.lab.impacts import BOUNCED, DOUBTFUL, OF_BOUNCES, harmonic_numbers
 from vibrosweep.lab.traces import names_of, polar, slopes_of_sizes
 from vibrosweep.lab.variables import (
     require_parameter,

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from vibrosweep.kernels.record import Record
 from vibrosweep.lab.variables import require_number
 from vibrosweep.mistakes import Mistakes
 from vibrosweep.model.forcing import FORCINGS
-from vibrosweep.model.parameters import PARAMETERS
+from vibrosweep.model.parameters import MOVING, PARAMETERS
 from vibrosweep.model.restitution_laws import implied
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.scene.keys import (
@@ -31,6 +32,7 @@ from vibrosweep.scene.keys import (
     Check,
     Sections,
     flag,
+    one_of,
     read_tables,
     whole_number,
 )
@@ -43,16 +45,20 @@ __all__ = ["LABORATORY", "Experiment", "Variation"]
 # Surfaces of the bases of virtual experiments: at rest, oscillating, or recoiling on a mount.
 
 STEPS_PER_PERIOD: Final = 1000
+CONTACTS: Final = ("dashpot", "hertz")  # laws of force of contacts that last
+SHORTEST_CONTACT: Final = 1e-5  # s, of contacts that last
 
 
 class Surface(NamedTuple):
-    """Height of a base in m, and its integral over time in m s, as functions of time in s."""
+    """Motion of a base, as functions of time in s."""
 
-    height: Callable[[Array], Array]
-    area: Callable[[Array], Array]
+    height: Callable[[Array], Array]  # m
+    area: Callable[[Array], Array]  # integral of the height over time, m s
+    velocity: Callable[[Array], Array]  # m s-1
+    acceleration: Callable[[Array], Array]  # m s-2
 
 
-LEVEL: Final = Surface(np.zeros_like, np.zeros_like)
+LEVEL: Final = Surface(*4 * (np.zeros_like,))
 
 
 def oscillating_surface(scene: Mapping[str, float], waveform: Waveform = SINE) -> Surface:
@@ -68,10 +74,14 @@ def oscillating_surface(scene: Mapping[str, float], waveform: Waveform = SINE) -
         return Surface(
             lambda t: unit * waveform.height(frequency * t + phase / (2.0 * math.pi)),
             lambda t: unit / frequency * waveform.area(frequency * t + phase / (2.0 * math.pi)),
+            lambda t: unit * frequency * waveform.velocity(frequency * t + phase / (2.0 * math.pi)),
+            lambda t: unit * frequency**2 * waveform.slope(frequency * t + phase / (2.0 * math.pi)),
         )
     return Surface(
         lambda t: np.asarray(-size * np.cos(omega * t + phase)),
         lambda t: np.asarray(-size / omega * np.sin(omega * t + phase)),
+        lambda t: np.asarray(size * omega * np.sin(omega * t + phase)),
+        lambda t: np.asarray(size * omega**2 * np.cos(omega * t + phase)),
     )
 
 
@@ -86,11 +96,13 @@ def recoiling_surface(track: BaseTrack, frequency: float, end: float) -> Surface
         frequency * STEPS_PER_PERIOD
     )
     spline = CubicHermiteSpline(time, *track.at(time))
-    integral = spline.antiderivative()
+    integral, velocity, acceleration = (spline.derivative(n) for n in (-1, 1, 2))
     start = float(spline(begin))
     return Surface(
         lambda t: np.asarray(spline(np.maximum(t, begin))),
         lambda t: np.asarray(integral(np.maximum(t, begin)) + start * np.minimum(t - begin, 0.0)),
+        lambda t: np.where(t < begin, 0.0, velocity(t)),
+        lambda t: np.where(t < begin, 0.0, acceleration(t)),
     )
 
 
@@ -118,6 +130,8 @@ class Camera:
         Fraction of lost frames.
     scale_error
         Relative error of the scale, positive if measured heights are too large.
+    rounding
+        Resolution of the time stamps, s.
 
     Examples
     --------
@@ -133,9 +147,20 @@ class Camera:
     exposure: float = 0.0
     dropped: float = 0.0
     scale_error: float = 0.0
+    rounding: float = 0.0
 
     def __post_init__(self) -> None:
         _check_values(self, "camera")
+
+
+class Moving(Protocol):
+    """A motion that a camera can film."""
+
+    def height(self, time: Array) -> Array:
+        """Height in m at times in s."""
+
+    def mean_height(self, time: Array, exposure: float) -> Array:
+        """Mean height in m over an exposure (s) centred at each time."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +235,7 @@ class Motion:
         return (area(time + exposure / 2.0) - area(time - exposure / 2.0)) / exposure
 
 
-def heights(motions: list[Motion], time: Array, exposure: float) -> Array:
+def heights(motions: Sequence[Moving], time: Array, exposure: float) -> Array:
     """Average true heights (m) over an exposure (s); shape (frame, particle)."""
     return np.stack(
         [m.mean_height(time, exposure) if exposure else m.height(time) for m in motions], axis=1
@@ -268,6 +293,13 @@ class Variation:
     level_spread
         Standard deviation among particles of the level of the base below them (m), as caused by a
         tilted base or camera.
+    scatter
+        Standard deviation of the restitution from bounce to bounce.
+    contact_time, contact
+        Duration of a contact at 1 m/s (s), by default 0, and its law of force: ``"dashpot"``, a
+        linear spring and a dashpot, or ``"hertz"``, with longer contacts at low speed.
+    terminal_speed
+        Terminal speed in air, m/s; by default there is no drag.
 
     Examples
     --------
@@ -281,9 +313,18 @@ class Variation:
     amplitude_setting: float = 0.0
     restitution_spread: float = 0.0
     level_spread: float = 0.0
+    scatter: float = 0.0
+    contact_time: float = 0.0
+    contact: str = CONTACTS[0]
+    terminal_speed: float = math.inf
 
     def __post_init__(self) -> None:
         _check_values(self, "variation")
+
+    @property
+    def integrated(self) -> bool:
+        """Whether paths of balls are integrated: contacts last, e scatters, or air drags."""
+        return bool(self.scatter or self.contact_time or self.terminal_speed < math.inf)
 
 
 MOST_REPEATS: Final = 1000
@@ -366,6 +407,11 @@ class Experiment:
             wrong = refusal(scene.base, analysis=name)
             if wrong and getattr(self.variation, name):
                 raise ParameterError(f"variation.{name}: {wrong}")
+        if self.variation.integrated and scene.base != MOVING:
+            raise ParameterError(
+                f"variation: scatter, contact_time and terminal_speed need base = "
+                f'"{MOVING}", but the base is "{scene.base}"'
+            )
         if implied(law) and self.variation.restitution_spread:
             raise ParameterError(
                 "variation.restitution_spread: all particles share the points of the law; "
@@ -474,6 +520,13 @@ def _number(low: float, high: float, units: str, above: bool = False) -> Check:
     return check
 
 
+def _contact_time(value: object) -> float:
+    number = _number(0.0, 0.1, "s")(value)
+    if 0.0 < number < SHORTEST_CONTACT:
+        raise ValueError(f"must be 0, or at least {SHORTEST_CONTACT:g} s and at most 0.1 s")
+    return float(number)
+
+
 _COUNT: Final = whole_number(1, MOST_PARTICLES)
 
 
@@ -496,6 +549,7 @@ _SECTIONS: Final[Sections] = {
         "exposure": _number(0.0, 1.0, "s"),
         "dropped": _number(0.0, 0.9, ""),
         "scale_error": _number(-0.5, 0.5, ""),
+        "rounding": _number(0.0, 1.0, "s"),
     },
     "variation": {
         name: _number(0.0, high, units)
@@ -505,7 +559,13 @@ _SECTIONS: Final[Sections] = {
             ("amplitude_setting", 0.2, ""),
             ("restitution_spread", 0.2, ""),
             ("level_spread", 1.0, "m"),
+            ("scatter", 0.1, ""),
         )
+    }
+    | {
+        "contact_time": _contact_time,
+        "contact": partial(one_of, CONTACTS),
+        "terminal_speed": _number(1.0, math.inf, "m/s"),
     },
     "trials": {
         "repeats": whole_number(1, MOST_REPEATS),

@@ -15,24 +15,23 @@ from vibrosweep.arrays import Array, Indices
 from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.base_fit import (
-    FITTED,
+    COUNT,
     INSTANT,
     UNDETERMINED,
     BaseFit,
     Contacts,
     Cut,
-    FittedLaw,
+    Inputs,
     Problem,
     Trace,
+    bend,
     contacts_between,
     covariance_of_fit,
-    failed_fit,
     find_contacts,
     fit_base,
-    fit_law,
     moves,
     which_base,
-    with_speed,
+    without_drag,
     without_outliers,
 )
 from vibrosweep.lab.flights import (
@@ -51,12 +50,14 @@ from vibrosweep.lab.flights import (
     high_flights,
     join,
     low_points,
+    mean_gravity,
     measured_gravity,
     meet,
     near_gravity,
     rough_noise,
     samples_of,
 )
+from vibrosweep.lab.regression import FITTED, FittedLaw, failed_fit, fit_law, with_speed
 from vibrosweep.lab.traces import trace_of_mark
 from vibrosweep.lab.tracks import find_swaps
 from vibrosweep.lab.variables import require_number, require_parameter
@@ -407,11 +408,29 @@ HALVINGS: Final = 40
 LOW: Final = 0.25
 
 
-def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float) -> Flights:
+def with_gravity(inputs: Inputs, samples: Samples, member: Indices, noise: float) -> Inputs:
+    """Return the inputs with the apparent gravity that flights measure, if it is not exact.
+
+    `member` is the number of the flight of each sample, -1 for none.
+    """
+    prior = inputs.gravity
+    if not prior.error:
+        return inputs
+    found = mean_gravity(samples, member, int(member.max()) + 1, noise)
+    weights = np.array([prior.error, found.error]) ** -2.0
+    if not np.isfinite(found.value):
+        return inputs
+    value = float(np.average([prior.value, found.value], weights=weights))
+    return inputs._replace(gravity=Input(value, float(weights.sum() ** -0.5)))
+
+
+def flights_over(
+    samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float, inputs: Inputs
+) -> Flights:
     """Find the flights over a moving base from a first fit of its motion, and refine that fit.
 
-    `exposure` is the exposure time (s).  Raises a TrackError if there is no flight, or if too few
-    contacts are left.
+    `exposure` is the exposure time (s), `inputs` are priors of flights and contacts.
+    Raises a TrackError if there is no flight, or if too few contacts are left.
     """
     member, fall = cut.member, cut.contacts.gravity
     free, trace = base_fit.problem.frequency is None, base_fit.problem.trace
@@ -424,8 +443,8 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
         member, fits = _keep_flights(samples, member, fits, below, noise, fall)
         start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
         piece, owner = samples.piece[start], samples.particle[start]
-        ends = _ends(samples, member, fits, levels[owner], base_fit, fall)
-        contact = base_fit.contact
+        ends = _ends(samples, member, fits, levels[owner], base_fit, fall, cut.contacts.drag)
+        contact = base_fit.lasting(ends.fall, ends.down)
         junctions = join(fits, piece, ends, noise, fall, contact)
         if turn < FIT_ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
@@ -437,16 +456,21 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]
         contacts = contacts_between(samples, member, fits, junctions.before[sound], noise, fall)
+        contacts = contacts._replace(drag=cut.contacts.drag)
+        own = with_gravity(inputs, samples, np.where(poor[member], -1, member), noise)
         base_fit = fit_base(
             contacts,
             base_fit.oscillation.frequency,
             free=free,
             moves=True,
             trace=trace,
-            contact=base_fit.problem.contact,
+            inputs=own,
         )
-    of_levels = slice(-1 - base_fit.levels.size, -1)
+    of_levels = slice(-COUNT - base_fit.levels.size, -COUNT)
     spread = base_fit.covariance[of_levels, of_levels]
+    gravity = measured_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall)
+    if inputs.gravity.error:
+        gravity = base_fit.gravity
     return Flights(
         fits,
         piece,
@@ -459,7 +483,7 @@ def flights_over(samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float)
         float(np.mean(base_fit.levels)),
         float(np.sqrt(spread.sum())) / base_fit.levels.size,
         noise,
-        *measured_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall),
+        *gravity,
         fall,
         base_fit,
         _fit_laws(base_fit),
@@ -489,7 +513,13 @@ def _keep_flights(
 
 
 def _ends(
-    samples: Samples, member: Indices, fits: Fits, level: Array, base_fit: BaseFit, fall: float
+    samples: Samples,
+    member: Indices,
+    fits: Fits,
+    level: Array,
+    base_fit: BaseFit,
+    fall: float,
+    drag: float,
 ) -> Ends:
     """Find the ends of each flight, outwards from its highest sample above the base."""
     base = base_fit.oscillation
@@ -500,7 +530,8 @@ def _ends(
     top = when[order[np.searchsorted(flight[order], np.arange(fits.number.size), side="right") - 1]]
 
     def above(time: Array) -> Array:
-        return np.asarray(fits.height(time, fall) - level - base.height(time))
+        bent = bend(time - fits.centre - fits.slope / fall, fall, drag)
+        return np.asarray(fits.height(time, fall) + bent - level - base.height(time))
 
     found = []
     for way in (-1.0, 1.0):
@@ -570,7 +601,7 @@ class Setup(NamedTuple):
     motion: str = "detect"
     frequency: float | None = None  # frequency of the forcing in Hz; None if unknown
     trace: Trace | None = None  # measured motion of a moving base
-    contact: Input = INSTANT  # contact time over a moving base, s
+    inputs: Inputs | None = None  # of flights and contacts over a moving base
 
 
 class FittedTracks(NamedTuple):
@@ -613,9 +644,10 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
             flights, favoured = _flights(samples, gravity, setup)
     except TrackError as error:
         raise TrackError(f"{tracks.attrs['source']}: {error}") from error
-    if flights.base_fit is None and setup.contact != INSTANT:
+    lasts = INSTANT if setup.inputs is None else setup.inputs.contact
+    if flights.base_fit is None and lasts != INSTANT:
         raise TrackError(
-            f"{tracks.attrs['source']}: contact = {setup.contact.value:.2g} s is given, which "
+            f"{tracks.attrs['source']}: contact = {lasts.value:.2g} s is given, which "
             f"counts over a moving base only, but the landings "
             f"{'favour a base at rest' if favoured == 'level' else 'do not determine its motion'}: "
             f"correct the contact time, or leave it out"
@@ -630,12 +662,22 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
     if level and setup.base is not None:
         return find_flights(samples, gravity, setup.base, setup.exposure), "level"
     fall, favoured, problem = gravity, "level", TrackError(UNDETERMINED)
+    inputs = setup.inputs or Inputs(Input(gravity))
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
+        if inputs.gravity.error and not level:
+            own = with_gravity(inputs, samples, cut.member, cut.contacts.noise)
+            fall = own.gravity.value
+            cut = find_contacts(samples, fall)
+        flying, drag = samples, inputs.drag.value
+        if drag and not level:  # it would bend long flights into two
+            flying = without_drag(samples, cut.member, fall, drag)
+            cut = find_contacts(flying, fall)
+            cut = cut._replace(contacts=cut.contacts._replace(drag=drag))
         found, error, over = cut.fall, cut.error, None
         if not level:
             try:
-                favoured, over = _over_moving(samples, cut, setup)
+                favoured, over = _over_moving(flying, cut, setup, inputs)
             except TrackError as reason:
                 favoured, problem = "undetermined", reason
         if over is not None:
@@ -648,6 +690,8 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
         if not near_gravity(found, gravity):
             break
         fall = found
+        if not inputs.gravity.error:  # the scale is off by an unknown amount
+            inputs = inputs._replace(gravity=Input(fall, WRONG_SCALE * fall))
     if over is not None:  # the flights over this base contradict the assumed acceleration
         favoured = "undetermined"
         problem = TrackError(
@@ -659,20 +703,25 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
     return flights_on_levels(samples, cut.contacts, gravity, setup.exposure), favoured
 
 
-def _over_moving(samples: Samples, cut: Cut, setup: Setup) -> tuple[str, Flights | None]:
+def _over_moving(
+    samples: Samples, cut: Cut, setup: Setup, inputs: Inputs
+) -> tuple[str, Flights | None]:
     """Return the base favoured by contacts, and the flights over it if it moves, else None."""
+    own = with_gravity(inputs, samples, cut.member, cut.contacts.noise)
     if setup.trace is None:
-        favoured, base_fit = which_base(cut.contacts, setup.frequency, setup.contact)
+        favoured, base_fit = which_base(
+            cut.contacts, setup.frequency, own, setup.motion == "moving"
+        )
     else:
         favoured, rate = "moving", float(setup.trace.values[2])
         base_fit = fit_base(
-            cut.contacts, rate, free=True, moves=True, trace=setup.trace, contact=setup.contact
+            cut.contacts, rate, free=True, moves=True, trace=setup.trace, inputs=own
         )
     detected = setup.motion == "detect" and setup.trace is None
     if base_fit is None or (detected and favoured != "moving"):
         return favoured, None
-    over = flights_over(samples, cut, base_fit, setup.exposure)
-    correct = "" if setup.contact == INSTANT else ", or correct the contact time"
+    over = flights_over(samples, cut, base_fit, setup.exposure, inputs)
+    correct = "" if inputs.contact == INSTANT else ", or correct the contact time"
     above = float(over.junctions.overlapping.mean()) if over.junctions.before.size else 0.0
     if above > TURNED_ABOVE:
         raise TrackError(

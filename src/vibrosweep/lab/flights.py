@@ -15,6 +15,7 @@ from scipy.stats import trim_mean
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.kernels._jit import Floats, kernel
+from vibrosweep.lab.ballistics import Input
 
 # -----------------------------------------------------------------------------
 # Samples of tracks, cut at gaps, and the low points between flights.
@@ -121,6 +122,7 @@ FEWEST_HIGH: Final = 5
 HIGH_ABOVE_NOISE: Final = 7.0
 # High flights have at least half the height at this quantile.
 HIGH: Final = 0.95
+OUTLYING: Final = 4.5  # standard errors from which a curvature is left out of the mean
 TRIMMED: Final = 0.25  # fraction of the curvatures trimmed on either side
 
 
@@ -211,6 +213,25 @@ def apparent_gravity(samples: Samples, flight: Indices, flights: int) -> tuple[f
     held = np.clip(acceleration, *np.quantile(acceleration, [TRIMMED, 1.0 - TRIMMED]))
     error = float(held.std()) / ((1.0 - 2.0 * TRIMMED) * float(np.sqrt(acceleration.size)))
     return float(trim_mean(acceleration, TRIMMED)), error
+
+
+def mean_gravity(samples: Samples, flight: Indices, flights: int, noise: float) -> Input:
+    """Downward acceleration of the flights, m s-2: the weighted mean without outliers.
+
+    `noise` is the standard deviation of a sample, m.
+    """
+    acceleration, weight = curvatures(samples, flight, flights)
+    acceleration, weight = acceleration[weight > 0.0], weight[weight > 0.0]
+    if not weight.size:
+        return Input(np.nan, np.inf)
+    order = np.argsort(acceleration)
+    middle = acceleration[order][np.searchsorted(np.cumsum(weight[order]), weight.sum() / 2.0)]
+    sound = np.abs(acceleration - middle) * np.sqrt(weight) < OUTLYING * noise
+    acceleration, weight = acceleration[sound], weight[sound]
+    mean = float(np.average(acceleration, weights=weight))
+    chi_square = float(weight @ (acceleration - mean) ** 2) / noise**2
+    wider = max(1.0, chi_square / max(weight.size - 1, 1))
+    return Input(mean, noise * float(np.sqrt(wider / weight.sum())))
 
 
 def contradicts(acceleration: float, error: float, gravity: float) -> bool:
@@ -448,16 +469,22 @@ class Junctions(NamedTuple):
 
 
 def join(
-    fits: Fits, piece: Indices, ends: Ends, noise: float, gravity: float, contact: float = 0.0
+    fits: Fits,
+    piece: Indices,
+    ends: Ends,
+    noise: float,
+    gravity: float,
+    contact: Array | float = 0.0,
 ) -> Junctions:
     """Join the neighbouring flights of each piece of track.
 
     `piece` is the index of the piece of each flight, `noise` the standard deviation of a sample
-    (m), `contact` the contact time (s).
+    (m), `contact` the contact time (s) at the end of each flight.
     """
     before = np.flatnonzero(np.diff(piece) == 0)
     after = before + 1
     up, down = ends.up, ends.down
+    contact = np.broadcast_to(contact, down.shape)[before]
     met = meet(fits.take(before), fits.take(after), (down[before] + up[after]) / 2.0, gravity)
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = noise * np.sqrt(line_variance(fits, down)) / ends.fall

@@ -14,20 +14,13 @@ from scipy.stats import circmean
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
-from vibrosweep.lab.ballistics import Input, given
-from vibrosweep.lab.base_fit import (
-    INSTANT,
-    BaseFit,
-    FittedLaw,
-    Trace,
-    law_variables,
-    possible_laws,
-    preferred_law,
-)
+from vibrosweep.lab.ballistics import POWER, Input, ball_inputs, given
+from vibrosweep.lab.base_fit import COUNT, BaseFit, Inputs, Trace
 from vibrosweep.lab.fitting import FittedTracks, Flights, Setup, fit_tracks
 from vibrosweep.lab.flights import line_variance, low_points
+from vibrosweep.lab.regression import TWO_PI, FittedLaw, law_variables, possible_laws, preferred_law
 from vibrosweep.lab.tracks import coverage
-from vibrosweep.lab.variables import with_units
+from vibrosweep.lab.variables import require_parameter, with_units
 
 __all__ = [
     "BOUNCED",
@@ -79,7 +72,7 @@ _VARIABLES: Final = {
 def find_impacts(
     tracks: xr.Dataset,
     *,
-    gravity: float = 9.81,
+    gravity: float | tuple[float, float] = 9.81,
     base: float | None = None,
     exposure: float = 0.0,
     method: str = "fit",
@@ -87,6 +80,8 @@ def find_impacts(
     frequency: float | None = None,
     trace: Trace | None = None,
     contact: float | tuple[float, float] | None = None,
+    mass: float | None = None,
+    diameter: float | None = None,
 ) -> xr.Dataset:
     """Find the landings of every particle, with standard errors.
 
@@ -95,7 +90,9 @@ def find_impacts(
     tracks
         Result of `read_tracks` or `make_tracks`.
     gravity
-        Gravity in m s-2, the curvature of the flights.
+        Gravity in m s-2, the curvature of the flights.  A range, such as (9.76, 9.86), states that
+        the scale is uncertain by as much: the apparent gravity is then fitted, and the scale of
+        the motion of the base taken from it.
     base
         Height of the base in m; by default it is estimated from the flights.
     exposure
@@ -113,6 +110,8 @@ def find_impacts(
     contact
         Contact time over a moving base in s, or a range: the prior (its mean and standard
         deviation) of what the film determines; by default 0.
+    mass, diameter
+        Of the balls, kg and m, for the drag in air over a moving base; by default there is none.
 
     Returns
     -------
@@ -158,16 +157,34 @@ def find_impacts(
     ('particle', 'impact')
     """
     require_one_of("method", method, METHODS, TrackError)
-    setup = Setup(base, exposure, motion, frequency, trace, contact_of(contact))
-    return impacts_of(tracks, fit_tracks(tracks, gravity, setup), gravity, method)
+    fall = gravity_of(gravity)
+    inputs = inputs_of(contact, mass, diameter, fall)
+    setup = Setup(base, exposure, motion, frequency, trace, inputs)
+    return impacts_of(tracks, fit_tracks(tracks, fall.value, setup), fall.value, method)
 
 
-def contact_of(contact: float | tuple[float, float] | None) -> Input:
-    """Return the prior of the contact time (s)."""
-    if contact is None or contact == 0:
-        return INSTANT
-    known = given("contact", contact)
-    return Input(known.value, known.error or SHORT * known.value)
+def gravity_of(gravity: float | tuple[float, float]) -> Input:
+    """Return the prior of the apparent gravity (m s-2)."""
+    if isinstance(gravity, tuple | list):
+        return given("gravity", gravity)
+    require_parameter("gravity", gravity)
+    return Input(gravity)
+
+
+def inputs_of(
+    contact: float | tuple[float, float] | None,
+    mass: float | None,
+    diameter: float | None,
+    gravity: Input,
+) -> Inputs:
+    """Return the priors of flights and contacts over a moving base."""
+    instant = contact is None or contact == 0
+    ball = ball_inputs(None if instant else contact, mass, diameter, gravity.value, None)
+    inputs = Inputs(gravity, ball.drag or Input(0.0))
+    if instant:
+        return inputs
+    lasts = Input(ball.contact.value, ball.contact.error or SHORT * ball.contact.value)
+    return inputs._replace(power=POWER, contact=lasts)
 
 
 def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method: str) -> xr.Dataset:
@@ -193,8 +210,9 @@ def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method:
     found = _table(owner, columns, particles).assign(with_units("particle", of_particles))
     found = found.assign_coords(particle=tracks["particle"])
     if flights.base_fit is not None:
-        law, scale = preferred_law(flights.laws), gravity / flights.curvature
-        found = found.merge(_base_variables(flights.base_fit, law, scale))
+        law, scale = preferred_law(flights.laws), gravity / flights.base_fit.gravity[0]
+        clock = tracks.attrs.get("clock_error", 0.0)
+        found = found.merge(_base_variables(flights.base_fit, law, scale, clock))
         found = found.assign(law_variables(flights.laws, scale))
     found.attrs = {
         "method": method,
@@ -221,10 +239,13 @@ def harmonic_numbers(impacts: xr.Dataset) -> tuple[int, ...]:
     return tuple(int(n[1:] or 1) for n in impacts["of_base"].values.astype(str) if n[0] == "S")
 
 
-def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> xr.Dataset:
+def _base_variables(
+    base_fit: BaseFit, law: FittedLaw | None, scale: float, clock: float
+) -> xr.Dataset:
     """Variables of restitution and motion of the base, from the fit with `law` if there is one.
 
-    `scale` multiplies speeds, to correct the scale of the tracks.
+    `scale` multiplies speeds, to correct the scale of the tracks; `clock` is the standard error of
+    their clock, s.
     """
     numbers = base_fit.oscillation.numbers
     words = "of the base that moves with S sin 2 pi f t + C cos 2 pi f t"
@@ -238,15 +259,26 @@ def _base_variables(base_fit: BaseFit, law: FittedLaw | None, scale: float) -> x
     names += ["restitution_speed"] if law and law.law.parameters else []
     of_base = slice(None, len(names))
     units = {"restitution": "1", "frequency": "Hz"}
-    scales = np.where(np.isin(names, list(units)), 1.0, scale)
+    scaled = ~np.isin(names, list(units))
+    values = np.where(scaled, scale, 1.0) * fit.values[of_base]
+    covariance = np.outer(*2 * (np.where(scaled, scale, 1.0),)) * fit.covariance[of_base, of_base]
+    # speeds change in inverse proportion to the apparent gravity, which has an error
+    gravity, error = base_fit.gravity
+    slope = np.where(scaled, -values / gravity, 0.0)
+    shared = np.zeros(values.size)
+    motion = slice(None, base_fit.problem.parameters)
+    shared[motion] = base_fit.covariance[motion, -COUNT] * np.where(scaled, scale, 1.0)[motion]
+    covariance += np.outer(slope, slope) * error**2 + np.outer(slope, shared)
+    covariance += np.outer(shared, slope)
+    sines, cosines = (np.char.startswith(names, letter) for letter in "SC")
+    turn = TWO_PI * base_fit.oscillation.frequency * np.array(numbers)
+    later = np.zeros(values.size)
+    later[sines], later[cosines] = -turn * values[cosines], turn * values[sines]
+    covariance += np.outer(later, later) * clock**2
     return xr.Dataset(
         {
-            "shaken": ("of_base", scales * fit.values[of_base], {"long_name": words}),
-            "shaken_covariance": (
-                ("of_base", "other"),
-                np.outer(scales, scales) * fit.covariance[of_base, of_base],
-                {"long_name": "covariance"},
-            ),
+            "shaken": ("of_base", values, {"long_name": words}),
+            "shaken_covariance": (("of_base", "other"), covariance, {"long_name": "covariance"}),
             "shaken_frequency": ((), base_fit.oscillation.frequency, {"units": "Hz"}),
             "shaken_misfit": ((), fit.misfit, {"long_name": "chi-square per degree of freedom"}),
             "shaken_freedom": ((), fit.freedom, {"long_name": "degrees of freedom"}),

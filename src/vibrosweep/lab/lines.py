@@ -8,12 +8,13 @@ import numpy as np
 import xarray as xr
 
 from vibrosweep.errors import DataError
-from vibrosweep.lab.base_fit import INSTANT, law_text
+from vibrosweep.lab.base_fit import INSTANT
 from vibrosweep.lab.compare import READINGS
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.fitting import FittedTracks
 from vibrosweep.lab.flights import line_variance
 from vibrosweep.lab.impacts import DOUBTFUL, OF_BOUNCES, STAYED
+from vibrosweep.lab.regression import law_text
 from vibrosweep.lab.tracks import remarks
 from vibrosweep.lab.variables import with_error
 from vibrosweep.mistakes import toml

@@ -79,6 +79,7 @@ class Recording:
     label: str = ""  # name of the particle or of the recording inside its file
     pixels: bool = False  # heights are rows of an image
     remarks: tuple[str, ...] = ()  # positions taken for lost or left out
+    clock_error: float = 0.0  # s, standard error of the clock after rounding was undone
 
 
 @dataclass(frozen=True)
@@ -552,8 +553,8 @@ def recordings_of(table: Cells, how: Reading) -> Iterator[Recording]:
 
 
 # Times of the rows of a table in s, or in frames if their rate is not known; whether it is known;
-# and the rounding of the times (s)
-_Clock = tuple[Array, bool, float]
+# the rounding of the times (s); and the standard error of all of them alike (s)
+_Clock = tuple[Array, bool, float, float]
 
 
 def _times(table: Cells, headings: list[Heading], one: Columns, how: Reading) -> _Clock:
@@ -566,7 +567,7 @@ def _times(table: Cells, headings: list[Heading], one: Columns, how: Reading) ->
     time = table.numbers(place)
     factor = time_factor(head.unit)
     if head.role == "frame" or head.unit.lower() in ("frame", "frames"):
-        return time / (how.frame_rate or 1.0), how.frame_rate is not None, 0.0
+        return time / (how.frame_rate or 1.0), how.frame_rate is not None, 0.0, 0.0
     if factor is None:
         raise TrackError(
             f'{table.source}: column "{head.text}" is in {head.unit!r}; known units of time: s, '
@@ -575,16 +576,19 @@ def _times(table: Cells, headings: list[Heading], one: Columns, how: Reading) ->
     step = rounding_of(c for c in table.column(place) if c.lower() not in MISSING)
     time, step = time * factor[0] / factor[1], step * factor[0] / factor[1]
     if one.height is None:
-        return time, True, step
+        return time, True, step, 0.0
     seen = np.isfinite(time)
     stamps, index = np.unique(time[seen], return_inverse=True)
     even, rate = even_times(stamps, step, how.frame_rate)
+    error = 0.0
+    if even is not stamps:  # the stamps determine the clock up to a shift that none of them shows
+        error = max(step - float(np.ptp(stamps - even)), 0.0) / np.sqrt(12.0)
     if even is not stamps or step < 1e-6 / rate:
         step = 0.0
     if how.frame_rate is not None and abs(rate / how.frame_rate - 1.0) > 1e-12:
         even = even * (rate / how.frame_rate)
     time[seen] = even[index]
-    return time, True, step
+    return time, True, step, error
 
 
 def _recording(
@@ -598,9 +602,11 @@ def _recording(
 ) -> Iterator[Recording]:
     """Yield the recording of some rows; several if times restart after an empty line."""
     name = f"{table.source}, {label}" if label else table.source
-    every, known, rounding = clock
+    every, known, rounding, error = clock
     time = every[rows]
-    raw = Recording(name, table.sheet, time, None, None, False, known, rounding, None, label)
+    raw = Recording(
+        name, table.sheet, time, None, None, False, known, rounding, None, label, clock_error=error
+    )
     if one.height is None:
         seen = np.isfinite(time)
         time, rows = time[seen], rows[seen]
@@ -861,6 +867,8 @@ def _joined(found: list[Recording], source: str, frame_rate: float | None) -> xr
     tracks = make_tracks(time, grid[:, order], particles, source)
     if origin:
         tracks.attrs["origin"] = origin
+    if error := max(one.clock_error for one in found):
+        tracks.attrs["clock_error"] = error
     if frame_rate is not None:
         tracks.attrs["frame_rate"] = frame_rate
     if remarks := dict.fromkeys(remark for one in found for remark in one.remarks):

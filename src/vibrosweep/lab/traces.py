@@ -13,8 +13,9 @@ from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
-from vibrosweep.lab.base_fit import TWO_PI, Trace
+from vibrosweep.lab.base_fit import Trace
 from vibrosweep.lab.recordings import files_of
+from vibrosweep.lab.regression import TWO_PI
 from vibrosweep.lab.tracks import check_size, rate_of
 from vibrosweep.lab.variables import require_name
 from vibrosweep.model.shapes import HARMONICS_NAME, MOST_HARMONICS, SINE, Waveform

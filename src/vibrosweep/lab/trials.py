@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -37,6 +37,8 @@ from vibrosweep.lab.experiment import (
     oscillating_surface,
     recoiling_surface,
 )
+from vibrosweep.lab.paths import Ball, path_of
+from vibrosweep.lab.paths import Path as BallPath
 from vibrosweep.lab.tracks import make_tracks
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
@@ -47,7 +49,12 @@ from vibrosweep.model.parameters import (
     dimensionless,
     launches,
 )
-from vibrosweep.model.restitution_laws import LEAST_VISCOELASTIC, VISCOELASTIC
+from vibrosweep.model.restitution_laws import (
+    LEAST_VISCOELASTIC,
+    SPEED,
+    VISCOELASTIC,
+    restitution_at,
+)
 from vibrosweep.scene.scene import Scene
 from vibrosweep.store.disk import check_output, make_directory, replacing
 
@@ -65,6 +72,8 @@ __all__ = ["Trial", "perform_trials", "predicted_means", "write_experiments"]
 # oscillation.  Impacts are those of `vibrosweep.kernels.impact`; without imperfections the record
 # is bitwise identical to that of the engine.
 
+# Steps per period in the search for landings on integrated paths
+STEPS_PER_PERIOD: Final = 200
 # Number of fixed-point iterations; each multiplies the error by the relative change of a period,
 # far below 1
 INVERSIONS: Final = 30
@@ -289,10 +298,60 @@ def _motions(
     ]
 
 
+def _paths(
+    experiment: Experiment,
+    numbers: Mapping[str, float],
+    restitution: Array,
+    rng: np.random.Generator,
+) -> tuple[list[BallPath], Record]:
+    """Integrate the paths of all particles, with contacts that last, scatter and drag."""
+    scene, variation = experiment.recorded, experiment.variation
+    surface = oscillating_surface(numbers, scene.waveform)
+    law, reference = scene.restitution_law, numbers.get(SPEED, 1.0)
+
+    def bounces(e: float) -> Callable[[float], float]:
+        def draw(speed: float) -> float:
+            nominal = float(restitution_at(np.asarray(speed), e, law, reference))
+            return float(np.clip(nominal + variation.scatter * rng.standard_normal(), 1e-3, 1.0))
+
+        return draw
+
+    found = [
+        path_of(
+            Ball(
+                bounces(float(e)),
+                numbers["gravity"],
+                variation.terminal_speed**-2,
+                variation.contact,
+                variation.contact_time,
+                numbers["contact_time"],
+            ),
+            surface,
+            float(start),
+            numbers["launch_velocity"],
+            experiment.window[1],
+            1.0 / (STEPS_PER_PERIOD * numbers["frequency"]),
+        )
+        for e, start in zip(
+            restitution,
+            launch_times(scene.launch, scene.particles, numbers["frequency"]),
+            strict=True,
+        )
+    ]
+    paths, records = zip(*found, strict=True)
+    most = max(record.rested.shape[1] for record in records)
+    record = empty_record(len(records), most)
+    no_landings(record, 0, len(records))
+    for p, own in enumerate(records):
+        for name, values in own._asdict().items():
+            getattr(record, name)[p, : values.size] = values[0]
+    return list(paths), record
+
+
 def _trial(
     experiment: Experiment, restitution: Array, level: Array, seed: np.random.SeedSequence, k: int
 ) -> Trial:
-    setting, walking, filming = (np.random.default_rng(s) for s in seed.spawn(3))
+    setting, walking, filming, scattering = (np.random.default_rng(s) for s in seed.spawn(4))
     scene, variation, camera = experiment.recorded, experiment.variation, experiment.camera
     off = setting.standard_normal(2)
     numbers = experiment.parameters
@@ -301,11 +360,18 @@ def _trial(
     begin, end = experiment.window
     periods = math.ceil(end * numbers["frequency"]) + 3
     walk = phase_walk(walking, variation.frequency_jitter, periods)
-    record, surface = _landings(scene, numbers, restitution, walk)
+    motions: Sequence[Motion | BallPath]
+    if variation.integrated:
+        motions, record = _paths(experiment, numbers, restitution, scattering)
+    else:
+        record, surface = _landings(scene, numbers, restitution, walk)
+        motions = _motions(scene, numbers, record, surface)
     time = begin + np.arange(round((end - begin) * camera.frame_rate)) / camera.frame_rate
-    motions = _motions(scene, numbers, record, surface)
     filmed = film(heights(motions, time, camera.exposure) + level, camera, filming)
     visible = np.isfinite(filmed).any(axis=1)
+    if camera.rounding:
+        time = np.round(time / camera.rounding) * camera.rounding
+        visible &= np.append(True, np.diff(time) > 0.0)
     tracks = make_tracks(time[visible], filmed[visible], source=f"trial {k + 1}")
     return Trial(tracks, record, restitution, level, numbers["frequency"], numbers["amplitude"])
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, require_one_of
-from vibrosweep.lab.ballistics import drop_from_apex, flight_of
+from vibrosweep.lab.ballistics import flight_of
+from vibrosweep.lab.experiment import CONTACTS, LEVEL
+from vibrosweep.lab.paths import EXPONENT, Ball, Contact, Path, compress
 from vibrosweep.lab.recordings import Recording
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
@@ -22,7 +22,6 @@ from vibrosweep.model.restitution_laws import (
 
 __all__ = ["FloorExperiment", "Truth", "film_drops", "hear_drops"]
 
-CONTACTS: Final = ("dashpot", "hertz")
 LEAST: Final = 0.02  # m s-1; a slower ball is at rest
 
 
@@ -150,7 +149,7 @@ def _drop(setup: FloorExperiment, rng: np.random.Generator) -> Truth:
         e = float(restitution_at(w, setup.restitution, law, reference))
         e += setup.slope * (w - 1.0) + own + setup.scatter * rng.standard_normal()
         e = float(np.clip(e, 1e-3, 1.0))
-        length = setup.contact_time * (w**-0.2 if setup.contact == "hertz" else 1.0)
+        length = setup.contact_time * w ** EXPONENT[setup.contact]
         made.append((apex + fall, w, e, apex, nominal**2 / (2.0 * g), length))
         if e * w < LEAST or k == setup.bounces:
             break
@@ -160,46 +159,18 @@ def _drop(setup: FloorExperiment, rng: np.random.Generator) -> Truth:
     return Truth(*np.array(made, np.float64).T)
 
 
-def _compression(e: float, contact: str) -> tuple[Array, Array]:
-    """Return times and depths of a contact of unit duration and unit impact speed."""
-    if contact == "dashpot":
-        decay = -np.log(e)
-        time = np.linspace(0.0, 1.0, 100)
-        return time, np.exp(-decay * time) * np.sin(np.pi * time) / np.pi
-    # force x^1.5 (1 + p x'), where p follows from e in closed form
-    p = brentq(lambda p: p * (1 + e) - np.log1p(p) + np.log1p(-e * p), 1e-9, (1 - 1e-12) / e)
-
-    def end(_: float, x: Array) -> float:
-        return float(x[0]) if x[1] < 0.0 else 1.0
-
-    end.terminal = True  # type: ignore[attr-defined]
-    run = solve_ivp(
-        lambda _, x: [x[1], -(max(x[0], 0.0) ** 1.5) * (1 + p * x[1])],
-        *((0.0, 50.0), [0.0, 1.0]),
-        events=end,
-        rtol=1e-7,
-        atol=1e-10,
-        max_step=0.1,
-    )
-    return run.t / run.t[-1], run.y[0] / run.t[-1]
-
-
-def _height(truth: Truth, time: Array, setup: FloorExperiment) -> Array:
+def _path(truth: Truth, setup: FloorExperiment) -> Path:
     """Return heights above the level at first contact."""
     g, drag = setup.gravity * np.cos(setup.incline), setup.terminal_speed**-2
-    height = np.zeros(time.size)
-    starts = np.append(-np.inf, truth.time + truth.length)
-    for k, landing in enumerate(truth.time):
-        within = (time > starts[k]) & (time <= landing)
-        since = np.maximum(time[within] - truth.apex[k], 0.0 if k == 0 else -np.inf)
-        height[within] = truth.rise[k] - drop_from_apex(since, g, drag)
-        if k == truth.time.size - 1:
-            break
-        within = (time > landing) & (time < landing + truth.length[k])
-        share, depth = _compression(truth.restitution[k], setup.contact)
-        deep = np.interp((time[within] - landing) / truth.length[k], share, depth)
-        height[within] = -truth.speed[k] * truth.length[k] * deep
-    return height
+    contacts = [
+        Contact(begin, speed, length, compress(e, setup.contact).sol)
+        for begin, speed, e, length in zip(
+            truth.time, truth.speed, truth.restitution, truth.length, strict=True
+        )
+    ]
+    start = np.append(0.0, (truth.time + truth.length)[:-1])
+    ball = Ball(float, g, drag, setup.contact, setup.contact_time, 0.0)
+    return Path(ball, LEVEL, start, truth.time, truth.apex, truth.rise, contacts[:-1])
 
 
 def film_drops(
@@ -235,7 +206,7 @@ def film_drops(
         step, wait = 1.0 / setup.frame_rate, 0.3 * setup.hands
         end = truth.time[-1] - 0.4 * (truth.time[-1] - truth.apex[-1]) * setup.hands
         time = np.arange(-wait + step * rng.random(), end + wait, step)
-        height = _height(truth, np.minimum(time, end), setup)
+        height = _path(truth, setup).height(np.clip(time, 0.0, end))
         if setup.hands:  # the hand catches the ball and raises it
             height += 0.3 * np.maximum(time - end, 0.0)
         horizontal = None
