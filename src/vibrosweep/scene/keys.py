@@ -89,7 +89,16 @@ from vibrosweep.model.restitution_laws import (
 from vibrosweep.scene.design import DESIGNS, GRID, TABLE, GivenTable, GridAxis, Range
 from vibrosweep.scene.scene import Scene, waveform_of
 
-__all__ = ["MAX_SEED", "SECTIONS", "Check", "Sections", "flag", "read_tables", "whole_number"]
+__all__ = [
+    "MAX_SEED",
+    "SECTIONS",
+    "Check",
+    "Sections",
+    "flag",
+    "one_of",
+    "read_tables",
+    "whole_number",
+]
 
 SUFFIXES: Final = (".csv", ".nc")
 
