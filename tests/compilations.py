@@ -13,7 +13,7 @@ import pytest
 from vibrosweep.kernels import _jit
 from vibrosweep.kernels._numba import Listener, lost
 
-LIMIT = 66
+LIMIT = 62
 
 
 class Compilations(Listener):

@@ -153,7 +153,7 @@ class Camera:
         _check_values(self, "camera")
 
 
-class Moving(Protocol):
+class Filmable(Protocol):
     """A motion that a camera can film."""
 
     def height(self, time: Array) -> Array:
@@ -235,7 +235,7 @@ class Motion:
         return (area(time + exposure / 2.0) - area(time - exposure / 2.0)) / exposure
 
 
-def heights(motions: Sequence[Moving], time: Array, exposure: float) -> Array:
+def heights(motions: Sequence[Filmable], time: Array, exposure: float) -> Array:
     """Average true heights (m) over an exposure (s); shape (frame, particle)."""
     return np.stack(
         [m.mean_height(time, exposure) if exposure else m.height(time) for m in motions], axis=1

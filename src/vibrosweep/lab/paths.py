@@ -91,7 +91,7 @@ STAY: Final = 3.0  # a longer contact, in contact times, counts as a stay on the
 PARTS: Final = 32  # of an exposure
 
 
-class Contact(NamedTuple):
+class LastingContact(NamedTuple):
     """A contact that lasts."""
 
     begin: float  # s
@@ -153,7 +153,7 @@ class Path(NamedTuple):
     # apex, top: time (s) and height (m) of the apex, before or after the flight if it has none
     apex: Array
     top: Array
-    contacts: Sequence[Contact] = ()
+    contacts: Sequence[LastingContact] = ()
 
     def height(self, time: Array) -> Array:
         """Height in m at times in s."""
@@ -184,7 +184,7 @@ def path_of(
     `step` (s) is a small part of the period of the surface.
     """
     flights: list[tuple[float, float, float, float]] = []
-    contacts: list[Contact] = []
+    contacts: list[LastingContact] = []
     landings: list[tuple[float, float, float, bool]] = []
     time, leaves = start, velocity
     while time < end:
@@ -243,7 +243,7 @@ def _press(
     speed: float,
     e: float,
     end: float,
-    contacts: list[Contact],
+    contacts: list[LastingContact],
 ) -> tuple[float, float, bool]:
     """Append a contact; return its end (s), the velocity (m s-1), and whether the ball stayed."""
     unit = ball.unit(speed)
@@ -253,7 +253,7 @@ def _press(
         return down * unit / speed
 
     run = compress(e, ball.contact, push, (end - begin) / unit + SPARE)
-    contacts.append(Contact(begin, speed, unit, run.sol))
+    contacts.append(LastingContact(begin, speed, unit, run.sol))
     time = begin + unit * float(run.t[-1]) if run.status == 1 else np.inf
     leaves = float(surface.velocity(np.asarray(min(time, end)))) - speed * float(run.y[1, -1])
     return time, leaves, bool(run.t[-1] > STAY)

@@ -11,7 +11,7 @@ from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError, require_one_of
 from vibrosweep.lab.ballistics import flight_of
 from vibrosweep.lab.experiment import CONTACTS, LEVEL
-from vibrosweep.lab.paths import EXPONENT, Ball, Contact, Path, compress
+from vibrosweep.lab.paths import EXPONENT, Ball, LastingContact, Path, compress
 from vibrosweep.lab.recordings import Recording
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
@@ -163,7 +163,7 @@ def _path(truth: Truth, setup: FloorExperiment) -> Path:
     """Return heights above the level at first contact."""
     g, drag = setup.gravity * np.cos(setup.incline), setup.terminal_speed**-2
     contacts = [
-        Contact(begin, speed, length, compress(e, setup.contact).sol)
+        LastingContact(begin, speed, length, compress(e, setup.contact).sol)
         for begin, speed, e, length in zip(
             truth.time, truth.speed, truth.restitution, truth.length, strict=True
         )
