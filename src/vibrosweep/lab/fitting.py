@@ -682,6 +682,7 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
                 favoured, problem = "undetermined", reason
         if over is not None:
             found, error = over.gravity, over.gravity_error
+        assumed = fall
         if not contradicts(found, error, fall):
             if over is not None:
                 return over, favoured
@@ -696,7 +697,7 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
         favoured = "undetermined"
         problem = TrackError(
             f"over a base that moves, flights fall with {found:.4g} ± {error:.2g} m s-2, but were "
-            f"fitted with {fall:.4g} m s-2: check the scale, the frame rate and the frequency"
+            f"fitted with {assumed:.4g} m s-2: check the scale, the frame rate and the frequency"
         )
     if not level and (setup.motion == "moving" or setup.trace is not None):
         raise problem
