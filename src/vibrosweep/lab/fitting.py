@@ -57,7 +57,7 @@ from vibrosweep.lab.flights import (
     rough_noise,
     samples_of,
 )
-from vibrosweep.lab.regression import FITTED, FittedLaw, failed_fit, fit_law, with_speed
+from vibrosweep.lab.regression import FITTED, FittedLaw, Law, failed_fit, fit_law, with_speed
 from vibrosweep.lab.traces import trace_of_mark
 from vibrosweep.lab.tracks import find_swaps
 from vibrosweep.lab.variables import require_number, require_parameter
@@ -465,6 +465,7 @@ def flights_over(
             moves=True,
             trace=trace,
             inputs=own,
+            start=(base_fit.values[: base_fit.problem.parameters], levels),
         )
     of_levels = slice(-COUNT - base_fit.levels.size, -COUNT)
     spread = base_fit.covariance[of_levels, of_levels]
@@ -486,7 +487,6 @@ def flights_over(
         *gravity,
         fall,
         base_fit,
-        _fit_laws(base_fit),
     )
 
 
@@ -550,13 +550,26 @@ def _ends(
 
 
 def _fit_laws(base_fit: BaseFit) -> list[FittedLaw]:
-    """Fit the laws of `FITTED` to the contacts of a moving base that are not outliers."""
+    """Fit the laws of `FITTED` to the contacts of a moving base that are not outliers.
+
+    That of a constant restitution is the fit of the base itself.
+    """
+    of_base = slice(base_fit.problem.parameters)
+    constant = FittedLaw(
+        Law(),
+        base_fit.values[of_base],
+        base_fit.covariance[of_base, of_base],
+        base_fit.misfit,
+        base_fit.freedom,
+        int(base_fit.used.sum()),
+        base_fit.distance,
+    )
     contacts = base_fit.problem.contacts
     speeds = base_fit.oscillation.velocity(contacts.time) - contacts.arrival
     speeds = np.maximum(speeds[base_fit.used], 1e-6)
-    return [
+    return [constant] + [
         fit_law(name, speeds, lambda law: _fit_law(base_fit.problem._replace(law=law), base_fit))
-        for name in FITTED
+        for name in FITTED[1:]
     ]
 
 
@@ -602,6 +615,7 @@ class Setup(NamedTuple):
     frequency: float | None = None  # frequency of the forcing in Hz; None if unknown
     trace: Trace | None = None  # measured motion of a moving base
     inputs: Inputs | None = None  # of flights and contacts over a moving base
+    laws: bool = True  # fit the laws of restitution over a moving base
 
 
 class FittedTracks(NamedTuple):
@@ -684,8 +698,9 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
             found, error = over.gravity, over.gravity_error
         assumed = fall
         if not contradicts(found, error, fall):
-            if over is not None:
-                return over, favoured
+            if over is not None and over.base_fit is not None:
+                laws = _fit_laws(over.base_fit) if setup.laws else ()
+                return over._replace(laws=laws), favoured
             break
         # compared with gravity, so that the total correction of all rounds remains small
         if not near_gravity(found, gravity):
