@@ -641,11 +641,9 @@ def fit_base(
     below each particle of the recording.  Raises a TrackError if there are fewer equations than
     parameters.
     """
-    particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None
-    known = None if free else frequency
     inputs = inputs or Inputs(Input(contacts.gravity))
-    problem = Problem(contacts, owner, known, float(moves), trace, inputs)
+    problem, particles = _problem(contacts, None if free else frequency, moves, trace, inputs)
     traced, count = 0 if trace is None else trace.values.size, problem.parameters
     if 2 * contacts.time.size + traced < count + particles.size or not contacts.time.size:
         raise TrackError(UNDETERMINED)
@@ -670,6 +668,14 @@ def fit_base(
         problem.distance(values),
         limit,
     )
+
+
+def _problem(
+    contacts: Contacts, known: float | None, moves: bool, trace: Trace | None, inputs: Inputs
+) -> tuple[Problem, NDArray[np.intp]]:
+    """Return the problem with a known or free frequency, and the particles that have contacts."""
+    particles, owner = np.unique(contacts.particle, return_inverse=True)
+    return Problem(contacts, owner, known, float(moves), trace, inputs), particles
 
 
 def without_outliers(
@@ -739,6 +745,9 @@ FREQUENCIES: Final = (1.0, 100.0)
 MOST: Final = 1000
 # Smallest signal-to-noise ratio for which a base is fitted; noise alone gives at most 1.
 LEAST_SIGNAL: Final = 3.0
+# Ratio to the smallest chi-square of rough fits from which a frequency is out of the question;
+# wrong frequencies have ten times and more
+WORSE: Final = 4.0
 
 
 def which_base(
@@ -763,7 +772,10 @@ def which_base(
     if not rates:
         return "undetermined", None
     tried = [
-        [fit_base(few, rate, free=free, moves=moves, inputs=one) for rate in rates]
+        [
+            fit_base(few, rate, free=free, moves=moves, inputs=one)
+            for rate in _worth_a_fit(few, rates, free, moves, one)
+        ]
         for moves, one in ((True, firm), (False, firm.instant))[: 1 if known else 2]
     ]
     if known:
@@ -774,6 +786,18 @@ def which_base(
         min((_with_scatter(fit, scatter) for fit in fits), key=_distance) for fits in tried
     )
     return _preferred(moving, level), moving
+
+
+def _worth_a_fit(
+    contacts: Contacts, rates: list[float], free: bool, moves: bool, inputs: Inputs
+) -> list[float]:
+    """Return the frequencies (Hz) whose rough fits are not far worse than the best."""
+    costs = []
+    for rate in rates:
+        problem, particles = _problem(contacts, None if free else rate, moves, None, inputs)
+        values, scale = (one[:-COUNT] for one in _start(problem, rate, particles.size))
+        costs.append(problem.robust_fit(values, scale, BENDS[0]).cost)
+    return [rate for rate, cost in zip(rates, costs, strict=True) if cost <= WORSE * min(costs)]
 
 
 def moves(moving: BaseFit) -> bool:
