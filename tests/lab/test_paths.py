@@ -139,9 +139,9 @@ def test_the_equations_of_the_estimator_hold_on_integrated_paths(contact, contac
         *(1e-5, G),
     )
     problem = Problem(contacts, owner, frequency, 1.0, None, Inputs(Input(G)))
-    power = 0.2 if contact == "hertz" else 0.0
+    law = (0.2, 1.0) if contact == "hertz" else (0.0, 0.0)
     motion = size * math.cos(0.3), size * math.sin(0.3)
-    values = np.array([0.7, *motion, 0.0, G, drag, power, contact_time])
+    values = np.array([0.7, *motion, 0.0, G, drag, *law, contact_time])
     left, *_ = problem.equations(values)
     assert k.size > 15
     assert np.sqrt(np.mean(left[:, 0] ** 2)) < 1e-6

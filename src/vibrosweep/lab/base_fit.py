@@ -13,7 +13,7 @@ from scipy.optimize import OptimizeResult, brentq, least_squares, minimize_scala
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.ballistics import POWER, Input
+from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.flights import (
     Fits,
     Samples,
@@ -223,9 +223,10 @@ def contacts_between(
 # gravity, together G, act during the contact, the ball leaves later and more slowly: those of a
 # dashpot follow from the motion under a constant G, to first order the speed is less by k G tau,
 # k = -2 (1 + e) log e / (pi^2 + log^2 e).  For a Hertz contact, whose duration is v^-0.2 times that
-# at 1 m/s, the factors were integrated; the exponent is a parameter between the two.  Contact time,
-# exponent, apparent gravity and drag are parameters with priors; heights and curvatures determine
-# them further.  The restitution may scatter from bounce to bounce: its standard deviation, a
+# at 1 m/s, the factors were integrated.  Laws of force differ in them by as much as a dashpot and
+# Hertz do; the exponent, and the share of Hertz in these effects, are parameters.  Contact time,
+# exponent, share, apparent gravity and drag have priors; heights and curvatures determine them
+# further.  The restitution may scatter from bounce to bounce: its standard deviation, a
 # variance component of the second equation, is the maximum-likelihood estimate.
 #
 # The equations of a chain of flights are those of a deterministic orbit, on which errors grow: in
@@ -257,9 +258,10 @@ SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # trial values of
 HERTZ: Final = (0.06, 0.35, 0.75, 0.245, 0.198, 0.022)
 CURVED: Final = 0.0476  # weight of the second derivative of G, for both laws and every e
 MOST_PUSH: Final = 0.7  # G tau / v; at more, a ball hardly leaves
+NEGLECTED: Final = 0.25  # error of the speed after a contact, relative to v (G tau / v)^3
 NEWTONS: Final = 3
 # Limits of the inputs in trial steps, against overflow
-FARTHEST: Final = np.array([[0.1, 1e3], [-1.0, 1.0], [-0.5, 0.5], [-0.1, 0.1]])
+FARTHEST: Final = np.array([[0.1, 1e3], [-1.0, 1.0], [-0.5, 0.5], [-3.0, 4.0], [-0.1, 0.1]])
 SHORTEST: Final = 1e-8  # s, contact time below which a contact is instantaneous
 SLOWEST: Final = 1e-3  # m s-1, least impact speed in the contact time
 LEAST_E: Final = 0.01
@@ -272,22 +274,22 @@ class Inputs(NamedTuple):
     gravity: Input  # apparent, m s-2
     drag: Input = Input(0.0)  # 1 / (terminal speed)^2, s2 m-2
     power: Input = Input(0.0)  # contact times are proportional to (impact speed)^-power
+    share: Input = Input(0.0)  # of a Hertz contact, the rest a dashpot, in the effects of G
     contact: Input = INSTANT  # contact time at 1 m/s, s
 
     @property
     def instant(self) -> Inputs:
         """The same with instantaneous impacts."""
-        return self._replace(power=Input(0.0), contact=INSTANT)
+        return self._replace(power=Input(0.0), share=Input(0.0), contact=INSTANT)
 
     @property
     def firm(self) -> Inputs:
         """The same without errors except that of the contact time."""
-        gravity, drag, power = (Input(one.value) for one in self[:-1])
-        return Inputs(gravity, drag, power, self.contact)
+        return Inputs(*(Input(one.value) for one in self[:-1]), self.contact)
 
 
 COUNT: Final = len(Inputs._fields)
-STEPS_OF_INPUTS: Final = (1e-4, 1e-6, 1e-3, 1e-7)
+STEPS_OF_INPUTS: Final = (1e-4, 1e-6, 1e-3, 1e-3, 1e-7)
 EXACT: Final = 1e-9  # relative error of an input without one
 
 
@@ -428,7 +430,7 @@ class Problem(NamedTuple):
         the flights before and after, per standard error, shapes (contact, 2, 2), and variances
         specific to each contact, shape (contact, 2): scatter and second-order errors.
         """
-        gravity, drag, power, contact = self.inputs_of(values)
+        gravity, drag, power, _, contact = self.inputs_of(values)
         c, e, base = self.contacts.falling(gravity, drag), values[0], self.base(values)
         closing, moves = c.departure - c.arrival, self.moves
         height, velocity, pull, jerk, snap = base.motion(c.time)
@@ -457,6 +459,9 @@ class Problem(NamedTuple):
         own = np.stack([0.5 * fall**2 * when**2, 0.5 * (1.0 + q) ** 2 * when**2], axis=1)
         own[:, 1] *= jerk**2
         own[:, 1] += (self.scatter * arrives) ** 2
+        own[:, 1] += (
+            NEGLECTED * (fall * about * closing) ** 3 / np.maximum(falls, SLOWEST) ** 2
+        ) ** 2
         parts = []
         for fits, height, by_height, by_slope in (
             (c.before, rises / closing, -turn, q),
@@ -480,11 +485,11 @@ class Problem(NamedTuple):
         The arguments are impact speeds (m s-1), accelerations of the base and gravity together in
         the middle of the contacts (m s-2), and their first and second derivatives (m s-3, m s-4).
         """
-        *_, power, contact = self.inputs_of(values)
+        *_, power, share, contact = self.inputs_of(values)
         if abs(contact) < SHORTEST:
             return np.zeros_like(speed), np.zeros_like(speed)
         speed, e = np.maximum(speed, SLOWEST), float(np.clip(values[0], LEAST_E, 1.0))
-        unit, decay, share = contact * speed**-power, -np.log(e), power / (2.0 * POWER.value)
+        unit, decay = contact * speed**-power, -np.log(e)
         fall = fall + CURVED * snap * unit**2
         push, last = np.clip(fall * unit / speed, -MOST_PUSH, MOST_PUSH), np.ones_like(speed)
         for _ in range(NEWTONS + 1):
@@ -731,7 +736,7 @@ def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Arra
     if trace is not None and count > len(start):
         start = [_restitution(contacts, Oscillation(trace.values, trace.numbers)), *trace.values]
     medians = [np.median(contacts.height[problem.owner == p]) for p in range(levels)]
-    of_inputs = [0.01, 1e-3, 0.1, 1e-4]
+    of_inputs = [0.01, 1e-3, 0.1, 0.1, 1e-4]
     scale = np.concatenate([np.full(count, 0.1), np.full(levels, 1e-4), of_inputs])
     if problem.frequency is None:
         scale[3] = 1e-3
