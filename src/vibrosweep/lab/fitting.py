@@ -437,6 +437,10 @@ def flights_over(
     free, trace = base_fit.problem.frequency is None, base_fit.problem.trace
     noise = np.inf
     for turn in range(FIT_ROUNDS):
+        if inputs.gravity.error and turn:  # frames during contacts may have biased the first one
+            fall = base_fit.gravity[0]
+            if not near_gravity(fall, inputs.gravity.value):
+                raise TrackError(UNDETERMINED)
         levels = _levels_below(base_fit, samples)
         below = levels[samples.particle] + base_fit.oscillation.height(samples.time)
         fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
@@ -471,8 +475,6 @@ def flights_over(
     of_levels = slice(-COUNT - base_fit.levels.size, -COUNT)
     spread = base_fit.covariance[of_levels, of_levels]
     gravity = measured_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall)
-    if inputs.gravity.error:
-        gravity = base_fit.gravity
     return Flights(
         fits,
         piece,
@@ -680,7 +682,7 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
         return find_flights(samples, gravity, setup.base, setup.exposure), "level"
     fall, favoured, problem = gravity, "level", TrackError(UNDETERMINED)
     instant = Inputs(Input(gravity))
-    inputs = setup.inputs or (instant, instant.lasting)
+    inputs = setup.inputs or (instant, instant.lasting())
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
         if inputs[0].gravity.error and not level:
@@ -692,19 +694,22 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
             flying = without_drag(samples, cut.member, fall, drag)
             cut = find_contacts(flying, fall)
             cut = cut._replace(contacts=cut.contacts._replace(drag=drag))
-        found, error, over = cut.fall, cut.error, None
+        found, error, assumed, over = cut.fall, cut.error, fall, None
         if not level:
             try:
                 favoured, over = _over_moving(flying, cut, setup, inputs)
             except TrackError as reason:
                 favoured, problem = "undetermined", reason
-        if over is not None:
+        if over is not None and over.base_fit is not None:
             found, error = over.gravity, over.gravity_error
-        assumed = fall
-        if not contradicts(found, error, fall):
-            if over is not None and over.base_fit is not None:
+            assumed, spread = over.base_fit.gravity
+            if not contradicts(found, error, assumed):
                 laws = _fit_laws(over.base_fit) if setup.laws else ()
-                return over._replace(laws=laws), favoured
+                over = over._replace(laws=laws)
+                if inputs[0].gravity.error:
+                    over = over._replace(gravity=assumed, gravity_error=spread)
+                return over, favoured
+        elif not contradicts(found, error, fall):
             break
         # compared with gravity, so that the total correction of all rounds remains small
         if not near_gravity(found, gravity):

@@ -14,7 +14,7 @@ from scipy.stats import circmean
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
-from vibrosweep.lab.ballistics import POWER, Input, ball_inputs, given
+from vibrosweep.lab.ballistics import Input, ball_inputs, given
 from vibrosweep.lab.base_fit import COUNT, BaseFit, Inputs, Trace
 from vibrosweep.lab.fitting import FittedTracks, Flights, Setup, fit_tracks
 from vibrosweep.lab.flights import line_variance, low_points
@@ -182,11 +182,11 @@ def inputs_of(
     ball = ball_inputs(contact or None, mass, diameter, gravity.value, None)
     instant = Inputs(gravity, ball.drag or Input(0.0))
     if contact is None:
-        return [instant, instant.lasting]
+        return [instant, instant.lasting()]
     if contact == 0:
         return [instant]
     lasts = Input(ball.contact.value, ball.contact.error or SHORT * ball.contact.value)
-    return [instant._replace(power=POWER, contact=lasts)]
+    return [instant.lasting(lasts)]
 
 
 def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method: str) -> xr.Dataset:
