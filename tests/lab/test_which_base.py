@@ -14,7 +14,7 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.flights import contradicts
-from vibrosweep.lab.impacts import find_impacts, gravity_of, impacts_of, inputs_of
+from vibrosweep.lab.impacts import find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.recordings import Recording
 from vibrosweep.lab.regression import FAR, is_improbable, robust_covariance
@@ -224,8 +224,10 @@ def test_a_contact_time_is_used_refused_or_reported():
     how = {"particles": 2, "repeats": 1, "transient": 0.0, "duration": 3.0}
     plan = Experiment(**scene, **how)
     tracks = perform_trials(plan)[0].tracks
-    zero, default = (inputs_of(one, None, None, gravity_of(G)) for one in (0, None))
-    assert zero == default
+    by_default, instant = (
+        find_impacts(tracks, frequency=20.0, **how) for how in ({}, {"contact": 0})
+    )
+    xr.testing.assert_identical(by_default, instant)
     found = find_impacts(tracks, frequency=20.0, contact=(2e-5, 2e-4))
     assert found["contact"] >= 0.0
     assert "contacts last at most" in "\n".join(impact_lines(found))

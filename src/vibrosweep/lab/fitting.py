@@ -29,6 +29,7 @@ from vibrosweep.lab.base_fit import (
     covariance_of_fit,
     find_contacts,
     fit_base,
+    likeliest,
     moves,
     which_base,
     without_drag,
@@ -57,7 +58,7 @@ from vibrosweep.lab.flights import (
     rough_noise,
     samples_of,
 )
-from vibrosweep.lab.regression import FITTED, FittedLaw, failed_fit, fit_law, with_speed
+from vibrosweep.lab.regression import FITTED, FittedLaw, Law, failed_fit, fit_law, with_speed
 from vibrosweep.lab.traces import trace_of_mark
 from vibrosweep.lab.tracks import find_swaps
 from vibrosweep.lab.variables import require_number, require_parameter
@@ -436,6 +437,10 @@ def flights_over(
     free, trace = base_fit.problem.frequency is None, base_fit.problem.trace
     noise = np.inf
     for turn in range(FIT_ROUNDS):
+        if inputs.gravity.error and turn:  # frames during contacts may have biased the first one
+            fall = base_fit.gravity[0]
+            if not near_gravity(fall, inputs.gravity.value):
+                raise TrackError(UNDETERMINED)
         levels = _levels_below(base_fit, samples)
         below = levels[samples.particle] + base_fit.oscillation.height(samples.time)
         fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
@@ -465,12 +470,11 @@ def flights_over(
             moves=True,
             trace=trace,
             inputs=own,
+            start=(base_fit.values[: base_fit.problem.parameters], levels),
         )
     of_levels = slice(-COUNT - base_fit.levels.size, -COUNT)
     spread = base_fit.covariance[of_levels, of_levels]
     gravity = measured_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall)
-    if inputs.gravity.error:
-        gravity = base_fit.gravity
     return Flights(
         fits,
         piece,
@@ -486,7 +490,6 @@ def flights_over(
         *gravity,
         fall,
         base_fit,
-        _fit_laws(base_fit),
     )
 
 
@@ -550,13 +553,26 @@ def _ends(
 
 
 def _fit_laws(base_fit: BaseFit) -> list[FittedLaw]:
-    """Fit the laws of `FITTED` to the contacts of a moving base that are not outliers."""
+    """Fit the laws of `FITTED` to the contacts of a moving base that are not outliers.
+
+    That of a constant restitution is the fit of the base itself.
+    """
+    of_base = slice(base_fit.problem.parameters)
+    constant = FittedLaw(
+        Law(),
+        base_fit.values[of_base],
+        base_fit.covariance[of_base, of_base],
+        base_fit.misfit,
+        base_fit.freedom,
+        int(base_fit.used.sum()),
+        base_fit.distance,
+    )
     contacts = base_fit.problem.contacts
     speeds = base_fit.oscillation.velocity(contacts.time) - contacts.arrival
     speeds = np.maximum(speeds[base_fit.used], 1e-6)
-    return [
+    return [constant] + [
         fit_law(name, speeds, lambda law: _fit_law(base_fit.problem._replace(law=law), base_fit))
-        for name in FITTED
+        for name in FITTED[1:]
     ]
 
 
@@ -601,7 +617,10 @@ class Setup(NamedTuple):
     motion: str = "detect"
     frequency: float | None = None  # frequency of the forcing in Hz; None if unknown
     trace: Trace | None = None  # measured motion of a moving base
-    inputs: Inputs | None = None  # of flights and contacts over a moving base
+    # Of flights and contacts over a moving base, as in `likeliest`; by default impacts are
+    # instantaneous, or last if this fits significantly better
+    inputs: Sequence[Inputs] = ()
+    laws: bool = True  # fit the laws of restitution over a moving base
 
 
 class FittedTracks(NamedTuple):
@@ -644,7 +663,7 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
             flights, favoured = _flights(samples, gravity, setup)
     except TrackError as error:
         raise TrackError(f"{tracks.attrs['source']}: {error}") from error
-    lasts = INSTANT if setup.inputs is None else setup.inputs.contact
+    lasts = setup.inputs[0].contact if setup.inputs else INSTANT
     if flights.base_fit is None and lasts != INSTANT:
         raise TrackError(
             f"{tracks.attrs['source']}: contact = {lasts.value:.2g} s is given, which "
@@ -662,37 +681,43 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
     if level and setup.base is not None:
         return find_flights(samples, gravity, setup.base, setup.exposure), "level"
     fall, favoured, problem = gravity, "level", TrackError(UNDETERMINED)
-    inputs = setup.inputs or Inputs(Input(gravity))
+    instant = Inputs(Input(gravity))
+    inputs = setup.inputs or (instant, instant.lasting())
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
-        if inputs.gravity.error and not level:
-            own = with_gravity(inputs, samples, cut.member, cut.contacts.noise)
+        if inputs[0].gravity.error and not level:
+            own = with_gravity(inputs[0], samples, cut.member, cut.contacts.noise)
             fall = own.gravity.value
             cut = find_contacts(samples, fall)
-        flying, drag = samples, inputs.drag.value
+        flying, drag = samples, inputs[0].drag.value
         if drag and not level:  # it would bend long flights into two
             flying = without_drag(samples, cut.member, fall, drag)
             cut = find_contacts(flying, fall)
             cut = cut._replace(contacts=cut.contacts._replace(drag=drag))
-        found, error, over = cut.fall, cut.error, None
+        found, error, assumed, over = cut.fall, cut.error, fall, None
         if not level:
             try:
                 favoured, over = _over_moving(flying, cut, setup, inputs)
             except TrackError as reason:
                 favoured, problem = "undetermined", reason
-        if over is not None:
+        if over is not None and over.base_fit is not None:
             found, error = over.gravity, over.gravity_error
-        assumed = fall
-        if not contradicts(found, error, fall):
-            if over is not None:
+            assumed, spread = over.base_fit.gravity
+            if not contradicts(found, error, assumed):
+                laws = _fit_laws(over.base_fit) if setup.laws else ()
+                over = over._replace(laws=laws)
+                if inputs[0].gravity.error:
+                    over = over._replace(gravity=assumed, gravity_error=spread)
                 return over, favoured
+        elif not contradicts(found, error, fall):
             break
         # compared with gravity, so that the total correction of all rounds remains small
         if not near_gravity(found, gravity):
             break
         fall = found
-        if not inputs.gravity.error:  # the scale is off by an unknown amount
-            inputs = inputs._replace(gravity=Input(fall, WRONG_SCALE * fall))
+        if not inputs[0].gravity.error:  # the scale is off by an unknown amount
+            scale = Input(fall, WRONG_SCALE * fall)
+            inputs = [one._replace(gravity=scale) for one in inputs]
     if over is not None:  # the flights over this base contradict the assumed acceleration
         favoured = "undetermined"
         problem = TrackError(
@@ -705,24 +730,30 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
 
 
 def _over_moving(
-    samples: Samples, cut: Cut, setup: Setup, inputs: Inputs
+    samples: Samples, cut: Cut, setup: Setup, inputs: Sequence[Inputs]
 ) -> tuple[str, Flights | None]:
     """Return the base favoured by contacts, and the flights over it if it moves, else None."""
-    own = with_gravity(inputs, samples, cut.member, cut.contacts.noise)
+    own = [with_gravity(one, samples, cut.member, cut.contacts.noise) for one in inputs]
     if setup.trace is None:
         favoured, base_fit = which_base(
             cut.contacts, setup.frequency, own, setup.motion == "moving"
         )
     else:
-        favoured, rate = "moving", float(setup.trace.values[2])
-        base_fit = fit_base(
-            cut.contacts, rate, free=True, moves=True, trace=setup.trace, inputs=own
+        favoured, trace = "moving", setup.trace
+        rate = float(trace.values[2])
+        base_fit = likeliest(
+            own,
+            lambda one: fit_base(
+                cut.contacts, rate, free=True, moves=True, trace=trace, inputs=one
+            ),
         )
     detected = setup.motion == "detect" and setup.trace is None
     if base_fit is None or (detected and favoured != "moving"):
         return favoured, None
-    over = flights_over(samples, cut, base_fit, setup.exposure, inputs)
-    correct = "" if inputs.contact == INSTANT else ", or correct the contact time"
+    lasting = base_fit.problem.inputs.contact
+    chosen = next(one for one in inputs if one.contact == lasting)
+    over = flights_over(samples, cut, base_fit, setup.exposure, chosen)
+    correct = "" if lasting == INSTANT else ", or correct the contact time"
     above = float(over.junctions.overlapping.mean()) if over.junctions.before.size else 0.0
     if above > TURNED_ABOVE:
         raise TrackError(
