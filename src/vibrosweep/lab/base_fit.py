@@ -703,15 +703,16 @@ def without_outliers(
     """
     for _ in range(ROUNDS):
         problem, limit = problem.with_likely_scatter(values, chosen)
-        found = least_squares(
-            problem.whitened,
-            values,
-            problem.derivatives,
-            x_scale=scale,
-            ftol=ACCURATE,
-            args=(chosen,),
-            max_nfev=MOST_STEPS,
-        )
+        with np.errstate(over="ignore"):  # in trial steps
+            found = least_squares(
+                problem.whitened,
+                values,
+                problem.derivatives,
+                x_scale=scale,
+                ftol=ACCURATE,
+                args=(chosen,),
+                max_nfev=MOST_STEPS,
+            )
         used, values, chosen = chosen, found.x, problem.inliers(found.x)
     return problem, found, used, limit
 

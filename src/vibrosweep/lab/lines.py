@@ -182,10 +182,8 @@ def _inputs(found: xr.Dataset) -> list[str]:
         factor, unit = units.get(str(name), (1.0, "m"))
         one = found.sel(input=name)
         value, error = factor * float(one["input_value"]), factor * float(one["input_error"])
-        lines.append(
-            f"{str(name).replace('_', ' ')} {value:.3g} ± {error:.2g} {unit}: contributes "
-            f"{float(one['input_effect']):.2g} to the error of e"
-        )
+        words = f"{str(name).replace('_', ' ')} {value:.3g} ± {error:.2g} {unit}".strip()
+        lines.append(f"{words}: contributes {float(one['input_effect']):.2g} to the error of e")
     effect = float(found["drag_effect"])
     if np.isfinite(effect):
         lines.append(
@@ -306,7 +304,7 @@ def _lines_of_bounces(found: xr.Dataset) -> list[str]:
     contact, error, effect, scatter, limit = (float(found[name]) for name in OF_BOUNCES)
     scattered = f"{scatter:.2g}, " if scatter > SCATTERS * limit else "not detected, "
     lines = [f"scatter of e from bounce to bounce {scattered}at most {limit:.2g} (95 %)"]
-    if error > INSTANT.error:  # a contact time was given
+    if error > INSTANT.error:  # contacts last
         lasts = f"last {with_error(1e3 * contact, 1e3 * error)} ms"
         if contact < SEEN * error:
             lasts = f"last at most {1e3 * max(contact + ONE_SIDED * error, 0.0):.2g} ms (95 %)"
