@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from vibrosweep.arrays import Array, Indices
+from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError
 from vibrosweep.lab.ballistics import (
     DRAG,
@@ -21,7 +21,15 @@ from vibrosweep.lab.ballistics import (
     flight_of,
     from_range,
 )
-from vibrosweep.lab.flights import Fits, Samples, curvatures, fit_parabolas, meet, stretches
+from vibrosweep.lab.flights import (
+    Fits,
+    Meetings,
+    Samples,
+    curvatures,
+    fit_parabolas,
+    meet,
+    stretches,
+)
 from vibrosweep.lab.recordings import Recording
 
 # -----------------------------------------------------------------------------
@@ -30,15 +38,19 @@ from vibrosweep.lab.recordings import Recording
 # The track is cut into parabolas.  The curvature on which those that rise most agree is that of
 # free fall; a ball that is held, at rest or in contact has another one.
 
-LEAST_SAMPLES: Final = 5  # in a flight
+FEWEST: Final = 10  # positions of a film
 SHARP: Final = 0.1  # largest relative error of a curvature from which that of free fall is taken
 RESOLVED: Final = 0.06  # and of that of a flight: a rise of about fifteen times the noise
+# Relative difference of the curvature of a part of a flight from that of free fall, because errors
+# of the centre of a ball change slowly
+LOOSE: Final = 0.35
 AGREE: Final = 0.05  # relative difference of curvatures in free fall, besides their errors
 IN_AIR: Final = 0.15  # the same in air, which bends flights
 # Closing speed of two stretches, in units of that of two whole flights, below which they are one
 # flight, parted by a bad position or bent by air
 PARTED: Final = 0.5
 GAP_FRAMES: Final = 8.0  # longest gap in a flight
+FAR: Final = 4.5  # distance of an outlier, in standard deviations
 # A contact takes at most 20 ms and as many frames
 LONGEST_CONTACT: Final = 0.02
 CONTACT_FRAMES: Final = 3.5
@@ -68,33 +80,28 @@ def flights_in(time: Array, height: Array, name: str) -> Film | None:
     none = np.zeros(time.size, np.intp)
     samples = Samples(time, height, np.arange(time.size), none, none)
     member, noise = stretches(samples, None)
-    count = int(member[-1]) + 1
-    curvature, weight = curvatures(samples, member, count)
-    with np.errstate(divide="ignore"):
-        error = noise / np.sqrt(weight)
+    curvature, error = _curvatures(samples, member, noise)
     g = _shared_curvature(curvature, error, np.ptp(time) * np.bincount(member) / time.size)
     if np.isnan(g):
         return None
     if g < 0.0:
         raise TrackError(f"{name}: the ball falls upwards: reverse the axis (--axis)")
-    flies = (error < RESOLVED * g) & (np.abs(curvature - g) < IN_AIR * g)
-    flies &= np.bincount(member) >= LEAST_SAMPLES
-    if not flies.any():
+    step = float(np.median(np.diff(time)))
+    member = _chosen(member, (error < SHARP * g) & (np.abs(curvature - g) < LOOSE * g))
+    fits, begin, end = _flights(samples, member, g)
+    met = _meet(fits, g)
+    parted = met.closing < PARTED * g * np.diff(fits.centre)
+    parted &= begin[1:] - end[:-1] < GAP_FRAMES * step
+    number = np.cumsum(np.append(True, ~parted)) - 1
+    member, noise = _extended(samples, np.where(member >= 0, number[member], -1), GAP_FRAMES * step)
+    curvature, error = _curvatures(samples, member, noise)
+    member = _chosen(member, (error < RESOLVED * g) & (np.abs(curvature - g) < IN_AIR * g))
+    if member.max() < 0:
         return None
-    step, number = float(np.median(np.diff(time))), np.where(flies, np.cumsum(flies) - 1, -1)
-    for _ in range(2):  # stretches, then flights
-        member = np.where(member >= 0, number[member], -1)
-        used, count = np.flatnonzero(member >= 0), int(member.max()) + 1
-        ends = (np.searchsorted(member[used], np.arange(count), side) for side in ("left", "right"))
-        begin, end = (time[used[place - late]] for late, place in enumerate(ends))
-        fits = fit_parabolas(samples, member, count, g)
-        one, two = fits.take(np.arange(count - 1)), fits.take(np.arange(1, count))
-        met = meet(one, two, (one.centre + two.centre) / 2.0, g)
-        gap = begin[1:] - end[:-1]
-        parted = (met.closing < PARTED * g * (two.centre - one.centre)) & (gap < GAP_FRAMES * step)
-        number = np.cumsum(np.append(True, ~parted)) - 1
-    fall = g * (met.time - one.centre) - one.slope
-    rise = met.closing - fall
+    fits, begin, end = _flights(samples, member, g)
+    met = _meet(fits, g)
+    fall = g * (met.time - fits.centre[:-1]) - fits.slope[:-1]
+    rise, gap = met.closing - fall, begin[1:] - end[:-1]
     bounces = (met.time > end[:-1] - 2.0 * step) & (met.time < begin[1:] + 2.0 * step)
     bounces &= (rise > 0.0) & (rise < 1.1 * fall) & (gap < LONGEST_CONTACT + CONTACT_FRAMES * step)
     k = np.flatnonzero(bounces)
@@ -102,6 +109,52 @@ def flights_in(time: Array, height: Array, name: str) -> Film | None:
         *(samples, member, fits, begin, end, g, noise),
         *(k, met.time[k], met.height[k], fall[k]),
     )
+
+
+def _curvatures(samples: Samples, member: Indices, noise: float) -> tuple[Array, Array]:
+    """Return the curvature of each stretch and its error."""
+    curvature, weight = curvatures(samples, member, int(member.max()) + 1)
+    with np.errstate(divide="ignore"):
+        return curvature, noise / np.sqrt(weight)
+
+
+def _chosen(member: Indices, chosen: Flags) -> Indices:
+    """Renumber the chosen stretches, and leave the others out."""
+    number = np.where(chosen, np.cumsum(chosen) - 1, -1)
+    return np.where(member >= 0, number[member], -1)
+
+
+def _extended(samples: Samples, member: Indices, reach: float) -> tuple[Indices, float]:
+    """Add the samples up to `reach` (s) beyond flights that continue them; also return the noise."""
+    count = int(member.max()) + 1
+    own = curvatures(samples, member, count)[0]
+    fits, begin, end = _flights(samples, member, own)
+    noise = float(np.sqrt(fits.residue.sum() / np.maximum(fits.number - 3.0, 1.0).sum()))
+    noise = max(noise, 1e-9 * float(np.ptp(samples.height)))
+    made, time = member.copy(), samples.time
+    last = np.searchsorted(begin, time, "right") - 1
+    for flight in (np.maximum(last, 0), np.minimum(last + 1, count - 1)):
+        near = (time > begin[flight] - reach) & (time < end[flight] + reach) & (made < 0)
+        off = samples.height - fits.take(flight).height(time, own[flight])
+        made = np.where(near & (np.abs(off) < FAR * noise), flight, made)
+    return made, noise
+
+
+def _flights(
+    samples: Samples, member: Indices, curvature: Array | float
+) -> tuple[Fits, Array, Array]:
+    """Fit parabolas; also return the times of their first and last samples."""
+    used, number = np.flatnonzero(member >= 0), np.arange(int(member.max()) + 1)
+    begin = samples.time[used[np.searchsorted(member[used], number)]]
+    end = samples.time[used[np.searchsorted(member[used], number, "right") - 1]]
+    return fit_parabolas(samples, member, number.size, curvature), begin, end
+
+
+def _meet(fits: Fits, g: float) -> Meetings:
+    """Return where each flight meets the next one."""
+    number = np.arange(fits.number.size - 1)
+    one, two = fits.take(number), fits.take(number + 1)
+    return meet(one, two, (one.centre + two.centre) / 2.0, g)
 
 
 def _shared_curvature(curvature: Array, error: Array, length: Array) -> float:
@@ -156,7 +209,6 @@ RATE: Final = 120.0  # frames per second that are assumed for the drag if they a
 # second share of the positions in flights
 WORSE: Final = 1.5
 EXPLAINED: Final = 0.9
-FAR: Final = 4.5  # distance of an outlier, in standard deviations
 TURNS: Final = 4  # fits, each to the samples in flight according to the previous one
 COMMON: Final = 6  # parameters of all flights: curvature, level, contact, drag, p, drift
 
@@ -270,7 +322,7 @@ def bounces_of_film(recording: Recording, inputs: BallInputs, tilt: float = 0.0)
     track = np.asarray(recording.height, np.float64)
     seen = np.isfinite(track) & np.isfinite(recording.time)
     time, height = recording.time[seen], track[seen]
-    if time.size < 2 * LEAST_SAMPLES:
+    if time.size < FEWEST:
         return None, None, f"{recording.name}: no bounce; has only {time.size} positions"
     middle = float(time.mean())
     time = time - middle

@@ -363,6 +363,8 @@ def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
 PRICE: Final = 25.0
 # Standard deviations by which the chi-square of a piece may exceed its mean
 BENT: Final = 6.0
+# Price of a sample that a parabola of unknown curvature takes from a flight without being tested
+UNJUDGED: Final = 10.0
 NOISE_ROUNDS: Final = 3
 LOWEST: Final = 0.25  # quantile of the residuals of stretches from which the noise is estimated
 MOVES: Final = 0.1  # share of the displacements of a moving particle that one at rest stays below
@@ -374,11 +376,18 @@ SEEN: Final = 5.0
 
 @kernel
 def _partition(
-    time: Floats, height: Floats, variance: float, gravity: float, terms: int, starts: Flags
+    time: Floats,
+    height: Floats,
+    variance: float,
+    gravity: float,
+    terms: int,
+    unjudged: float,
+    starts: Flags,
 ) -> None:
     """Mark the samples at which the polynomials of the best partition begin.
 
-    They have so many `terms` beyond the parabola of free fall.
+    They have so many `terms` beyond the parabola of free fall.  The samples of a piece that has no
+    more of them than terms cost `unjudged` each, except the first.
     """
     begin = np.empty(time.size, np.int64)  # start of the last piece up to each sample
     cost = np.full(time.size + 1, np.inf)
@@ -409,7 +418,8 @@ def _partition(
                 residue += row[terms] ** 2 / variance
                 if residue > free + BENT * math.sqrt(2.0 * free) + PRICE:
                     break
-            total = cost[first] + residue + PRICE
+            own = residue if free > 0.0 else unjudged * (count - 1.0)
+            total = cost[first] + own + PRICE
             if total < cost[last + 1]:
                 cost[last + 1] = total
                 begin[last] = first
@@ -425,7 +435,7 @@ def stretches(samples: Samples, gravity: float | None) -> tuple[Indices, float]:
     Returns the index of the stretch of each sample, increasing, and the standard deviation of a
     sample in m, from the residuals of the parabolas.
     """
-    fall, terms = (0.0, 3) if gravity is None else (gravity, 2)
+    fall, terms, unjudged = (0.0, 3, UNJUDGED) if gravity is None else (gravity, 2, 0.0)
     least = 1e-9 * float(np.ptp(samples.height))
     noise = max(rough_noise(samples) if gravity else moving_noise(samples), least)
     member = np.zeros(samples.time.size, np.intp)
@@ -434,7 +444,7 @@ def stretches(samples: Samples, gravity: float | None) -> tuple[Indices, float]:
         for begin, end in pairwise(samples.bounds):
             piece = slice(begin, end)
             time, height = samples.time[piece], samples.height[piece]
-            _partition(time, height, noise**2, fall, terms, starts[piece])
+            _partition(time, height, noise**2, fall, terms, unjudged, starts[piece])
         member = np.cumsum(starts) - 1
         count = int(member[-1]) + 1
         curvature, weight = curvatures(samples, member, count)
