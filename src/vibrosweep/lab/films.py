@@ -27,6 +27,7 @@ from vibrosweep.lab.flights import (
     Samples,
     curvatures,
     fit_parabolas,
+    line_variance,
     meet,
     stretches,
 )
@@ -50,6 +51,7 @@ IN_AIR: Final = 0.15  # the same in air, which bends flights
 # flight, parted by a bad position or bent by air
 PARTED: Final = 0.5
 GAP_FRAMES: Final = 8.0  # longest gap in a flight
+EXTENSIONS: Final = 6
 FAR: Final = 4.5  # distance of an outlier, in standard deviations
 # A contact takes at most 20 ms and as many frames
 LONGEST_CONTACT: Final = 0.02
@@ -75,8 +77,11 @@ class Film(NamedTuple):
     speed: Array
 
 
-def flights_in(time: Array, height: Array, name: str) -> Film | None:
-    """Return the flights in a film and their contacts, or None if there is no flight."""
+def flights_in(time: Array, height: Array, unit: float, name: str) -> Film | None:
+    """Return the flights in a film and their contacts, or None if there is no flight.
+
+    `unit` is a second in units of the time.
+    """
     none = np.zeros(time.size, np.intp)
     samples = Samples(time, height, np.arange(time.size), none, none)
     member, noise = stretches(samples, None)
@@ -103,7 +108,9 @@ def flights_in(time: Array, height: Array, name: str) -> Film | None:
     fall = g * (met.time - fits.centre[:-1]) - fits.slope[:-1]
     rise, gap = met.closing - fall, begin[1:] - end[:-1]
     bounces = (met.time > end[:-1] - 2.0 * step) & (met.time < begin[1:] + 2.0 * step)
-    bounces &= (rise > 0.0) & (rise < 1.1 * fall) & (gap < LONGEST_CONTACT + CONTACT_FRAMES * step)
+    bounces &= (
+        (rise > 0.0) & (rise < 1.1 * fall) & (gap < LONGEST_CONTACT * unit + CONTACT_FRAMES * step)
+    )
     k = np.flatnonzero(bounces)
     return Film(
         *(samples, member, fits, begin, end, g, noise),
@@ -125,19 +132,22 @@ def _chosen(member: Indices, chosen: Flags) -> Indices:
 
 
 def _extended(samples: Samples, member: Indices, reach: float) -> tuple[Indices, float]:
-    """Add the samples up to `reach` (s) beyond flights that continue them; also return the noise."""
-    count = int(member.max()) + 1
-    own = curvatures(samples, member, count)[0]
-    fits, begin, end = _flights(samples, member, own)
-    noise = float(np.sqrt(fits.residue.sum() / np.maximum(fits.number - 3.0, 1.0).sum()))
-    noise = max(noise, 1e-9 * float(np.ptp(samples.height)))
-    made, time = member.copy(), samples.time
-    last = np.searchsorted(begin, time, "right") - 1
-    for flight in (np.maximum(last, 0), np.minimum(last + 1, count - 1)):
-        near = (time > begin[flight] - reach) & (time < end[flight] + reach) & (made < 0)
-        off = samples.height - fits.take(flight).height(time, own[flight])
-        made = np.where(near & (np.abs(off) < FAR * noise), flight, made)
-    return made, noise
+    """Add neighbouring samples within `reach` (s) that continue flights; also return the noise."""
+    time, count, least = samples.time, int(member.max()) + 1, 1e-9 * float(np.ptp(samples.height))
+    for _ in range(EXTENSIONS):
+        own, weight = curvatures(samples, member, count)
+        fits = fit_parabolas(samples, member, count, own)
+        noise = float(np.sqrt(fits.residue.sum() / np.maximum(fits.number - 3.0, 1.0).sum()))
+        noise = max(noise, least)
+        for shift in (1, -1, 2, -2):  # next to the flight, or after a bad position
+            flight = np.roll(member, shift)
+            near = (member < 0) & (flight >= 0) & (np.abs(time - np.roll(time, shift)) < reach)
+            one = fits.take(flight)
+            bend = (time - one.centre) ** 2 - one.spread / one.number
+            spread = 1.0 + line_variance(one, time) + bend**2 / (4.0 * weight[flight])
+            off = np.abs(samples.height - one.height(time, own[flight])) / np.sqrt(spread)
+            member = np.where(near & (off < FAR * noise), flight, member)
+    return member, noise
 
 
 def _flights(
@@ -326,7 +336,8 @@ def bounces_of_film(recording: Recording, inputs: BallInputs, tilt: float = 0.0)
         return None, None, f"{recording.name}: no bounce; has only {time.size} positions"
     middle = float(time.mean())
     time = time - middle
-    film = flights_in(time, height, recording.name)
+    rate = 1.0 if recording.rate_known else RATE
+    film = flights_in(time, height, rate, recording.name)
     if film is None:
         return None, None, f"{recording.name}: no flight was found"
     if recording.horizontal is not None and not tilt:
