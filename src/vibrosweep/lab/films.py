@@ -56,6 +56,9 @@ FAR: Final = 4.5  # distance of an outlier, in standard deviations
 # A contact takes at most 20 ms and as many frames
 LONGEST_CONTACT: Final = 0.02
 CONTACT_FRAMES: Final = 3.5
+# Number of bounces that show whether a ball loses energy, and the restitution of the best balls
+MANY: Final = 8
+LEAST_LOSS: Final = 0.985
 STEEP: Final = 8.0  # least rise of an inclined floor over all contacts, in standard deviations
 
 
@@ -107,11 +110,14 @@ def flights_in(time: Array, height: Array, unit: float, name: str) -> Film | Non
     met = _meet(fits, g)
     fall = g * (met.time - fits.centre[:-1]) - fits.slope[:-1]
     rise, gap = met.closing - fall, begin[1:] - end[:-1]
-    bounces = (met.time > end[:-1] - 2.0 * step) & (met.time < begin[1:] + 2.0 * step)
-    bounces &= (
-        (rise > 0.0) & (rise < 1.1 * fall) & (gap < LONGEST_CONTACT * unit + CONTACT_FRAMES * step)
-    )
-    k = np.flatnonzero(bounces)
+    meets = (met.time > end[:-1] - 2.0 * step) & (met.time < begin[1:] + 2.0 * step) & (rise > 0.0)
+    meets &= gap < LONGEST_CONTACT * unit + CONTACT_FRAMES * step
+    if meets.sum() >= MANY and np.median((rise / fall)[meets]) > LEAST_LOSS:
+        raise TrackError(
+            f"{name}: the ball loses no energy over {meets.sum()} bounces, as over a base that "
+            f"shakes: use vibrosweep lab impacts, or vs.lab.find_impacts"
+        )
+    k = np.flatnonzero(meets & (rise < 1.1 * fall))
     return Film(
         *(samples, member, fits, begin, end, g, noise),
         *(k, met.time[k], met.height[k], fall[k]),
@@ -231,8 +237,6 @@ class FilmFit(NamedTuple):
     residual: Array  # in the unit of the file
     fitted: Array
     noise: float
-    level: float
-    gravity: Input
 
 
 # The bounces of a film, its fit, and a remark if it has none
@@ -349,16 +353,9 @@ def bounces_of_film(recording: Recording, inputs: BallInputs, tilt: float = 0.0)
     chains = chains_of(film)
     if not chains:
         curvature, weight = curvatures(film.samples, film.member, film.begin.size)
-        own, longest = (
-            fit_parabolas(film.samples, film.member, film.begin.size, curvature),
-            weight.argmax(),
-        )
-        g = Input(float(curvature[longest]), film.noise / float(np.sqrt(weight[longest])))
-        used = film.member >= 0
-        fitted = own.take(film.member[used]).height(time[used], curvature[film.member[used]])
-        left = height[used] - fitted
-        fit = FilmFit(time[used] + middle, height[used], left, fitted, film.noise, np.nan, g)
-        return None, fit, f"{recording.name}: no bounce; {_scale_text(recording, g, inputs)}"
+        k = weight.argmax()
+        g = Input(float(curvature[k]), film.noise / float(np.sqrt(weight[k])))
+        return None, None, f"{recording.name}: no bounce; {_scale_text(recording, g, inputs)}"
     return _fitted(recording, inputs, film, middle, chains, tilt)
 
 
@@ -442,16 +439,14 @@ def _fitted(
     slopes["contact"][n] = slopes["drag"][n + 1] = 1.0
     unit = 1.0 if own else inputs.gravity.value / g.value
     inclined = [f"the floor is inclined by {abs(np.degrees(tilt)):.2f} degrees"] if tilt else []
-    fit = FilmFit(
-        time[every] + middle, height[every], left, height[every] - left, noise, float(p[1]), g
-    )
+    fit = FilmFit(time[every] + middle, height[every], left, height[every] - left, noise)
     fixed = jacobian @ covariance @ jacobian.T
     # in frames, contact and drag have no meaning beyond this film
     resolved = np.append(np.diag(fixed)[:n] < UNRESOLVED**2, [timed, timed])
     measured = {name: rows[n + k] - means[name].value for k, name in enumerate(means)}
     if not resolved[:n].any():
         text = _scale_text(recording, g, inputs)
-        return None, fit, f"{recording.name}: no bounce is resolved; {text}"
+        return None, None, f"{recording.name}: no bounce is resolved; {text}"
     seen = resolved[:n]
     bounces = Bounces(
         name=recording.name,
