@@ -301,14 +301,6 @@ class Ends(NamedTuple):
     fall: Array
 
 
-def crossings(fits: Fits, base: float, gravity: float) -> Ends:
-    """Ends of flights on a base at a constant height."""
-    with np.errstate(invalid="ignore"):
-        speed = np.sqrt(fits.slope**2 + 2.0 * gravity * (fits.level - base))
-    rise = fits.centre + (fits.slope - speed) / gravity
-    return Ends(rise, fits.centre + (fits.slope + speed) / gravity, speed, speed)
-
-
 class Meetings(NamedTuple):
     """Intersections of flights; arrays of shape (meeting,)."""
 
@@ -440,13 +432,6 @@ def clear_flights(
 
 # Time between two flights on the base, in standard errors, above which it is a stay
 MISSED: Final = 4.0
-# Distance from the base, in standard errors, within which flights meet on it
-ON_BASE: Final = 4.0
-# Quantile of the heights at which flights meet, the first estimate of the height of the base; it is
-# high because parabolas separated by a stay meet below the base
-FROM_ABOVE: Final = 0.8
-FEWEST_MEETINGS: Final = 3
-BASE_ROUNDS: Final = 5
 
 
 class Junctions(NamedTuple):
@@ -515,23 +500,3 @@ def join(
         met.height,
         noise * np.sqrt(met.height_variance),
     )
-
-
-def base_level(height: Array, error: Array, fallback: float) -> tuple[float, float]:
-    """Height of the base in m, and its standard error.
-
-    It is the weighted mean of the heights at which flights meet on the base, or the `fallback` with
-    the error NaN if too few do.  `error` holds the standard errors of the heights.
-    """
-    sound = np.isfinite(height) & np.isfinite(error)
-    height, error = height[sound], error[sound]
-    if height.size < FEWEST_MEETINGS:
-        return fallback, float("nan")
-    level = float(np.quantile(height, FROM_ABOVE))
-    for _ in range(BASE_ROUNDS):
-        near = np.abs(height - level) < ON_BASE * error
-        if near.sum() < FEWEST_MEETINGS:
-            return fallback, float("nan")
-        weight = error[near] ** -2.0
-        level = float(weight @ height[near] / weight.sum())
-    return level, float(weight.sum() ** -0.5)
