@@ -184,7 +184,8 @@ def contacts_between(
     clear = clear_flights(samples, member, fits, noise, fall)
     # noise from flights alone, because residuals of a stay would inflate it
     free = fits.number[clear] - 2.0
-    noise = float(np.sqrt(fits.residue[clear].sum() / free.sum())) if free.size else noise
+    least = 1e-9 * float(np.ptp(samples.height))  # rounding errors
+    noise = max(np.sqrt(fits.residue[clear].sum() / free.sum()), least) if free.size else noise
     landing = landing[clear[landing] & clear[landing + 1]]
     before, after = fits.take(landing), fits.take(landing + 1)
     met = meet(before, after, (before.centre + after.centre) / 2.0, fall)

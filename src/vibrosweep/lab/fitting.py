@@ -154,8 +154,8 @@ def assign_samples(
 #
 # Parabolas separated by a stay meet below the base, on a periodic orbit all at the same height.  If
 # all bounces of a particle are equal, a low level cannot therefore be distinguished from stays, and
-# is replaced by that of the others.  If most flights are followed by stays, the level is that of the
-# positions between them.
+# is replaced by that of the others.  If most flights are followed by stays, the level is that of
+# the positions between flights.
 
 # Quantile of the heights at which flights meet, the first estimate of a level: high because of
 # stays.  Of the heights of stays it is low, because bounces too low to be seen lie above the base.
@@ -174,24 +174,27 @@ class Rest(NamedTuple):
     # level, error: mean height, and the standard error of a level, m
     level: float
     error: float
-    given: bool = False  # the level does not follow from the heights at which flights meet
+    source: str = "meetings"  # or "stays", or "given", from which the levels follow
 
 
 def base_at_rest(samples: Samples, cut: Cut, known: float | None) -> Rest:
     """Return the base at the height `known` (m), or at that of the contacts or stays of a cut."""
     contacts, particles = cut.contacts, int(samples.particle[-1]) + 1
     if known is not None:
-        return Rest(np.full(particles, known), known, 0.0, True)
-    stays, owner = _stays(samples, cut)
-    if owner.size > contacts.time.size:
-        rest = _levels(owner, *stays, np.full(owner.size, np.inf), particles, 1.0 - FROM_ABOVE)
-        return rest._replace(given=True)
-    if not contacts.time.size:
-        level = low_points(samples, contacts.noise, None)[1]
-        return Rest(np.full(particles, level), level, float("nan"))
+        return Rest(np.full(particles, known), known, 0.0, "given")
     met = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
     error = contacts.noise * np.sqrt(met.height_variance)
-    return _levels(contacts.particle, met.height, error, met.closing, particles)
+    base = _levels(contacts.particle, met.height, error, met.closing, particles)
+    stays, owner = _stays(samples, cut)
+    if owner.size > contacts.time.size:
+        rest = _levels(owner, *stays, np.zeros(owner.size), particles, 1.0 - FROM_ABOVE)
+        # bounces too low to be seen may lie above the base by the smallest height of a flight
+        if not base.level > rest.level - LEAST_HEIGHT * contacts.noise:
+            return rest._replace(source="stays")
+    if np.isnan(base.level):
+        level = low_points(samples, contacts.noise, None)[1]
+        return Rest(np.full(particles, level), level, float("nan"))
+    return base
 
 
 def _stays(samples: Samples, cut: Cut) -> tuple[Array, Indices]:
@@ -318,7 +321,7 @@ def flights_over(
             member = assign_samples(samples, piece, junctions, ends, exposure)
         poor = poor_flights(fits, noise)
         if isinstance(base, Rest):
-            base = base if base.given else _refined(base, junctions, ends, owner)
+            base = _refined(base, samples, member, junctions, ends, noise)
             continue
         sound = ~(junctions.stayed | junctions.overlapping)
         sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
@@ -354,14 +357,24 @@ def flights_over(
     )
 
 
-def _refined(base: Rest, junctions: Junctions, ends: Ends, owner: Indices) -> Rest:
-    """Return the base with the level at which fitted flights meet."""
-    before = junctions.before
-    if not before.size:
+def _refined(
+    base: Rest, samples: Samples, member: Indices, joint: Junctions, ends: Ends, noise: float
+) -> Rest:
+    """Return the base at the level at which fitted flights meet, or of the samples in stays."""
+    particles = base.levels.size
+    if base.source == "stays":
+        rests = member < 0
+        height = samples.height[rests]
+        error = np.full(height.size, noise)
+        owner = samples.particle[rests]
+        found = _levels(owner, height, error, np.zeros(height.size), particles, 0.5)
+    elif base.source == "meetings":
+        owner = samples.particle[np.searchsorted(np.maximum.accumulate(member), joint.before)]
+        closing = ends.fall[joint.before] + ends.rise[joint.before + 1]
+        found = _levels(owner, joint.height, joint.height_error, closing, particles)
+    else:
         return base
-    closing = ends.fall[before] + ends.rise[before + 1]
-    height, error = junctions.height, junctions.height_error
-    return _levels(owner[before], height, error, closing, base.levels.size)
+    return base if np.isnan(found.level) else found._replace(source=base.source)
 
 
 def _levels_below(base_fit: BaseFit, samples: Samples) -> Array:
@@ -564,7 +577,6 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
     cuts = np.zeros(height.shape, bool)
     try:
         samples = samples_of(time, height, cuts)
-        check_gravity(samples, gravity, setup.base)
         flights, favoured = _flights(samples, gravity, setup)
         highest = float(flights.levels.max())
         if flights.base_fit is not None:
@@ -596,6 +608,8 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
     inputs = setup.inputs or Inputs(Input(gravity))
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
+        if not near_gravity(cut.fall, gravity):
+            check_gravity(samples, gravity, setup.base)
         if inputs.gravity.error and not level:
             own = with_gravity(inputs, samples, cut.member, cut.contacts.noise)
             fall = own.gravity.value
