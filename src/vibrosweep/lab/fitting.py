@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median
 from scipy.special import chdtri
 
-from vibrosweep.arrays import Array, Indices
+from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.base_fit import (
@@ -153,9 +153,7 @@ def assign_samples(
 # A base at rest: its level below each particle, from the heights at which flights meet.
 #
 # Parabolas separated by a stay meet below the base, on a periodic orbit all at the same height.  If
-# all bounces of a particle are equal, a low level cannot therefore be distinguished from stays, and
-# is replaced by that of the others.  If most flights are followed by stays, the level is that of
-# the positions between flights.
+# the positions between flights lie clearly above that height, they are the level.
 
 # Quantile of the heights at which flights meet, the first estimate of a level: high because of
 # stays.  Of the heights of stays it is low, because bounces too low to be seen lie above the base.
@@ -163,8 +161,33 @@ FROM_ABOVE: Final = 0.8
 # Distance from the base, in standard errors, within which flights meet on it
 ON_BASE: Final = 4.0
 LEVEL_ROUNDS: Final = 5
-# Relative scatter of speeds above which bounces are not equal, many times the effect of noise
-DIFFERENT: Final = 0.05
+# Smallest number of stays for each contact at which they can be the level
+STAYS: Final = 0.25
+LOWEST: Final = 0.01  # quantile of the positions of a particle, which the base is not above
+
+
+class Heights(NamedTuple):
+    """Heights that are on the base, with their errors, m; arrays of shape (height,)."""
+
+    particle: Indices
+    height: Array
+    error: Array
+
+    def level(self, particle: int, quantile: float) -> tuple[float, float]:
+        """Weighted mean of the heights of a particle that agree with one near a quantile.
+
+        Returns it with its error; NaN without heights.
+        """
+        own = (self.particle == particle) & np.isfinite(self.height) & np.isfinite(self.error)
+        height, weight = self.height[own], self.error[own] ** -2.0
+        if not height.size:
+            return float("nan"), float("nan")
+        level = float(np.quantile(height, quantile, method="higher"))
+        for _ in range(LEVEL_ROUNDS):
+            near = np.abs(height - level) * np.sqrt(weight) < ON_BASE
+            if near.any():
+                level, chosen = float(np.average(height[near], weights=weight[near])), near
+        return level, float(weight[chosen].sum() ** -0.5)
 
 
 class Rest(NamedTuple):
@@ -174,92 +197,89 @@ class Rest(NamedTuple):
     # level, error: mean height, and the standard error of a level, m
     level: float
     error: float
-    source: str = "meetings"  # or "stays", or "given", from which the levels follow
+    # True for a particle whose level is that of its stays; None if the level is given
+    stays: Flags | None = None
 
 
-def base_at_rest(samples: Samples, cut: Cut, known: float | None) -> Rest:
+def base_at_rest(samples: Samples, cut: Cut, known: float | None, exposure: float) -> Rest:
     """Return the base at the height `known` (m), or at that of the contacts or stays of a cut."""
     contacts, particles = cut.contacts, int(samples.particle[-1]) + 1
     if known is not None:
-        return Rest(np.full(particles, known), known, 0.0, "given")
+        return Rest(np.full(particles, known), known, 0.0)
     met = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
     error = contacts.noise * np.sqrt(met.height_variance)
-    base = _levels(contacts.particle, met.height, error, met.closing, particles)
-    stays, owner = _stays(samples, cut)
-    if owner.size > contacts.time.size:
-        rest = _levels(owner, *stays, np.zeros(owner.size), particles, 1.0 - FROM_ABOVE)
-        # bounces too low to be seen may lie above the base by the smallest height of a flight
-        if not base.level > rest.level - LEAST_HEIGHT * contacts.noise:
-            return rest._replace(source="stays")
+    meetings = Heights(contacts.particle, met.height, error)
+    rests, stays = _rests(samples, cut, exposure), np.zeros(particles, bool)
+    count = np.bincount(contacts.particle, None, particles)
+    # bounces too low to be seen rise above the base by less than the height of a flight
+    least = LEAST_HEIGHT * contacts.noise
+    for p in np.unique(rests.particle):
+        level, _ = rests.level(p, 1.0 - FROM_ABOVE)
+        below = np.quantile(samples.height[samples.particle == p], LOWEST)
+        often = np.sum(rests.particle == p) > STAYS * count[p]
+        high = not level < meetings.level(p, FROM_ABOVE)[0] + least
+        stays[p] = often and high and level < below + least
+    base = _levels(meetings, rests, stays, 1.0 - FROM_ABOVE)
     if np.isnan(base.level):
         level = low_points(samples, contacts.noise, None)[1]
-        return Rest(np.full(particles, level), level, float("nan"))
+        return Rest(np.full(particles, level), level, float("nan"), stays)
     return base
 
 
-def _stays(samples: Samples, cut: Cut) -> tuple[Array, Indices]:
-    """Heights (m) of the stretches between two flights, with their errors, and the particles."""
+def _rests(samples: Samples, cut: Cut, exposure: float) -> Heights:
+    """Median height of the samples between two flights, without those that contain a landing."""
     member, noise, fall = cut.member, cut.contacts.noise, cut.contacts.gravity
     fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
     flying = np.flatnonzero(clear_flights(samples, member, fits, noise, fall))
-    start = np.searchsorted(np.maximum.accumulate(member), flying)
-    place = np.searchsorted(flying, member)
-    inner = (place > 0) & (place < flying.size) & (member >= 0)
-    inner[inner] = flying[place[inner]] != member[inner]
-    piece = samples.piece[start]
-    inner[inner] = piece[place[inner]] == piece[place[inner] - 1]
-    number, which, count = np.unique(place[inner], return_inverse=True, return_counts=True)
-    height = median(samples.height[inner], which, np.arange(number.size)) if number.size else []
-    return np.array([height, noise / np.sqrt(count)]), samples.particle[start[number]]
+    first = np.searchsorted(np.maximum.accumulate(member), flying)
+    before, after = fits.take(flying[:-1]), fits.take(flying[1:])
+    lands = meet(before, after, (before.centre + after.centre) / 2.0, fall).time
+    after = np.searchsorted(first, np.arange(member.size), side="right")
+    inner = (after > 0) & (after < flying.size)
+    after = after[inner]
+    where = np.flatnonzero(inner)
+    between = member[where] != flying[after - 1]
+    between &= samples.piece[first[after]] == samples.piece[first[after - 1]]
+    between &= np.abs(samples.time[where] - lands[after - 1]) >= exposure / 2.0
+    where, after = where[between], after[between]
+    number, which, count = np.unique(after, return_inverse=True, return_counts=True)
+    height = median(samples.height[where], which, np.arange(number.size)) if number.size else []
+    return Heights(samples.particle[first[number]], np.array(height), noise / np.sqrt(count))
 
 
-def _levels(
-    owner: Indices,
-    height: Array,
-    error: Array,
-    closing: Array,
-    particles: int,
-    quantile: float = FROM_ABOVE,
-) -> Rest:
-    """Levels from heights (m) that are on the base, with their errors, and the closing speeds.
+def _refined(base: Rest, samples: Samples, member: Indices, joint: Junctions, noise: float) -> Rest:
+    """Return the base at the level at which fitted flights meet, or of the samples in stays."""
+    if base.stays is None:
+        return base
+    owner = samples.particle[np.searchsorted(np.maximum.accumulate(member), joint.before)]
+    meetings = Heights(owner, joint.height, joint.height_error)
+    rests = np.flatnonzero((member < 0) & base.stays[samples.particle])
+    heights = samples.height[rests]
+    rests = Heights(samples.particle[rests], heights, np.full(heights.size, noise))
+    found = _levels(meetings, rests, base.stays, 0.5)
+    return base if np.isnan(found.level) else found
+
+
+def _levels(meetings: Heights, rests: Heights, stays: Flags, quantile: float) -> Rest:
+    """Levels from heights at which flights meet or, where there are `stays`, of `rests`.
 
     They differ if their chi-square about the mean is as improbable as that of a poor flight.
     """
-    common, spread = base_level(height, error, quantile)
-    level, own = np.full((2, particles), np.nan)
-    equal = np.zeros(particles, bool)
-    for p in np.unique(owner):
-        mine = owner == p
-        level[p], own[p] = base_level(height[mine], error[mine], quantile)
-        speed = closing[mine][np.abs(height[mine] - level[p]) < ON_BASE * error[mine]]
-        equal[p] = speed.size > 0 and speed.std() < DIFFERENT * speed.mean()
-    found = np.isfinite(own)
-    known = found & ~equal
-    if known.any():
-        known |= equal & (level > np.average(level[known], weights=own[known] ** -2.0))
-    if known.sum() > 1:
-        mean = np.average(level[known], weights=own[known] ** -2.0)
-        chi_square = float(np.sum(((level[known] - mean) / own[known]) ** 2))
-        if chi_square >= chdtri(known.sum() - 1.0, POOR):
-            levels = np.where(known, level, mean)
-            return Rest(levels, float(np.mean(levels)), float(np.mean(own[known])))
-    return Rest(np.full(particles, common), common, spread)
-
-
-def base_level(height: Array, error: Array, quantile: float) -> tuple[float, float]:
-    """Weighted mean of the heights (m) that agree with one near a quantile, and its error."""
-    sound = np.isfinite(height) & np.isfinite(error)
-    height, error = height[sound], error[sound]
-    if not height.size:
-        return float("nan"), float("nan")
-    level = float(np.quantile(height, quantile, method="higher"))
-    for _ in range(LEVEL_ROUNDS):
-        near = np.abs(height - level) < ON_BASE * error
-        if not near.any():
-            break
-        weight = error[near] ** -2.0
-        level = float(weight @ height[near] / weight.sum())
-    return level, float(weight.sum() ** -0.5)
+    found = [
+        rests.level(p, quantile) if stays[p] else meetings.level(p, FROM_ABOVE)
+        for p in range(stays.size)
+    ]
+    level, error = np.array(found).T
+    known = np.isfinite(level)
+    if not known.any():
+        return Rest(level, float("nan"), float("nan"), stays)
+    weight = error[known] ** -2.0
+    mean = float(np.average(level[known], weights=weight))
+    chi_square = float(weight @ (level[known] - mean) ** 2)
+    if known.sum() > 1 and chi_square >= chdtri(known.sum() - 1.0, POOR):
+        levels = np.where(known, level, mean)
+        return Rest(levels, float(np.mean(levels)), float(np.mean(error[known])), stays)
+    return Rest(np.full(stays.size, mean), mean, float(weight.sum() ** -0.5), stays)
 
 
 # -----------------------------------------------------------------------------
@@ -321,7 +341,7 @@ def flights_over(
             member = assign_samples(samples, piece, junctions, ends, exposure)
         poor = poor_flights(fits, noise)
         if isinstance(base, Rest):
-            base = _refined(base, samples, member, junctions, ends, noise)
+            base = _refined(base, samples, member, junctions, noise)
             continue
         sound = ~(junctions.stayed | junctions.overlapping)
         sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
@@ -355,26 +375,6 @@ def flights_over(
         *(float(np.mean(base.levels)), float(np.sqrt(spread.sum())) / base.levels.size),
         *(noise, *gravity, fall, base, _fit_laws(base)),
     )
-
-
-def _refined(
-    base: Rest, samples: Samples, member: Indices, joint: Junctions, ends: Ends, noise: float
-) -> Rest:
-    """Return the base at the level at which fitted flights meet, or of the samples in stays."""
-    particles = base.levels.size
-    if base.source == "stays":
-        rests = member < 0
-        height = samples.height[rests]
-        error = np.full(height.size, noise)
-        owner = samples.particle[rests]
-        found = _levels(owner, height, error, np.zeros(height.size), particles, 0.5)
-    elif base.source == "meetings":
-        owner = samples.particle[np.searchsorted(np.maximum.accumulate(member), joint.before)]
-        closing = ends.fall[joint.before] + ends.rise[joint.before + 1]
-        found = _levels(owner, joint.height, joint.height_error, closing, particles)
-    else:
-        return base
-    return base if np.isnan(found.level) else found._replace(source=base.source)
 
 
 def _levels_below(base_fit: BaseFit, samples: Samples) -> Array:
@@ -504,12 +504,15 @@ def _rough_gravity(samples: Samples, base: float | None) -> tuple[float, float]:
     noise = rough_noise(samples)
     low, base = low_points(samples, FIRST_SHARE * noise, base)
     edges = np.unique(np.concatenate([samples.bounds[:-1], low]))
-    tops = np.maximum.reduceat(samples.height, edges) - base
+    tops = np.maximum.reduceat(samples.height, edges)
     flight = np.searchsorted(edges, np.arange(samples.time.size), side="right") - 1
-    upper = samples.height - base > UPPER * tops[flight]
+    high = high_flights(tops - base, noise)[flight]
+    upper = high & (samples.height - base > UPPER * (tops[flight] - base))
     upper[low] = False
-    high = high_flights(tops, noise)
-    return apparent_gravity(samples, np.where(upper & high[flight], flight, -1), tops.size)
+    # only the stretch around the highest sample, because a stay elsewhere may be equally high
+    stretch = np.cumsum(np.diff(np.where(upper, flight, -1), prepend=-2) != 0)
+    at_top = upper & np.isin(stretch, stretch[samples.height == tops[flight]])
+    return apparent_gravity(samples, np.where(at_top, flight, -1), tops.size)
 
 
 def require_gravity(found: float, error: float, gravity: float) -> None:
@@ -577,6 +580,7 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
     cuts = np.zeros(height.shape, bool)
     try:
         samples = samples_of(time, height, cuts)
+        check_gravity(samples, gravity, setup.base)
         flights, favoured = _flights(samples, gravity, setup)
         highest = float(flights.levels.max())
         if flights.base_fit is not None:
@@ -608,8 +612,6 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
     inputs = setup.inputs or Inputs(Input(gravity))
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
-        if not near_gravity(cut.fall, gravity):
-            check_gravity(samples, gravity, setup.base)
         if inputs.gravity.error and not level:
             own = with_gravity(inputs, samples, cut.member, cut.contacts.noise)
             fall = own.gravity.value
@@ -621,9 +623,8 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
             cut = cut._replace(contacts=cut.contacts._replace(drag=drag))
         found, error, over = cut.fall, cut.error, None
         if level:
-            over = flights_over(
-                samples, cut, base_at_rest(samples, cut, setup.base), setup.exposure, inputs
-            )
+            base = base_at_rest(samples, cut, setup.base, setup.exposure)
+            over = flights_over(samples, cut, base, setup.exposure, inputs)
         else:
             try:
                 favoured, over = _over_moving(flying, cut, setup, inputs)

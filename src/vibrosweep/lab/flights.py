@@ -344,6 +344,8 @@ PRICE: Final = 25.0
 # Standard deviations by which the chi-square of a line may exceed its mean
 BENT: Final = 6.0
 NOISE_ROUNDS: Final = 3
+# Least noise, in units of the range of heights: rounding errors of the sums over a line
+ROUNDED: Final = 1e-6
 LOWEST: Final = 0.25  # quantile of the residuals of stretches from which the noise is estimated
 # Standard errors by which the acceleration of a flight may differ from gravity, and by which
 # gravity must differ from zero, the acceleration of a stay on a base at rest
@@ -392,7 +394,8 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
     Returns the index of the stretch of each sample, increasing, and the standard deviation of a
     sample in m, from the residuals of the lines.
     """
-    noise = max(rough_noise(samples), 1e-9 * float(np.ptp(samples.height)))
+    least = ROUNDED * float(np.ptp(samples.height))
+    noise = max(rough_noise(samples), least)
     member = np.zeros(samples.time.size, np.intp)
     for _ in range(NOISE_ROUNDS):
         starts = np.zeros(samples.time.size, bool)
@@ -409,7 +412,7 @@ def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
         # a low quantile, because stretches that are not lines have large residuals
         ratio = fits.residue[long] / chdtri(free[long], 1.0 - LOWEST)
         found = math.sqrt(float(np.quantile(ratio, LOWEST)))
-        noise = max(found, 1e-9 * float(np.ptp(samples.height)))
+        noise = max(found, least)
     return member, noise
 
 
