@@ -20,6 +20,7 @@ from vibrosweep.lab.base_fit import (
     INSTANT,
     UNDETERMINED,
     BaseFit,
+    Contacts,
     Cut,
     Inputs,
     Oscillation,
@@ -206,24 +207,27 @@ def base_at_rest(samples: Samples, cut: Cut, known: float | None, exposure: floa
     contacts, particles = cut.contacts, int(samples.particle[-1]) + 1
     if known is not None:
         return Rest(np.full(particles, known), known, 0.0)
-    met = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
-    error = contacts.noise * np.sqrt(met.height_variance)
-    meetings = Heights(contacts.particle, met.height, error)
-    rests, stays = _rests(samples, cut, exposure), np.zeros(particles, bool)
-    count = np.bincount(contacts.particle, None, particles)
+    meetings, rests = _meetings(contacts), _rests(samples, cut, exposure)
+    level = low_points(samples, contacts.noise, None)[1]
+    base = Rest(np.full(particles, level), level, float("nan"), np.zeros(particles, bool))
+    base = _levels(base, meetings, rests, 0.5)
+    stays, count = base.stays, np.bincount(contacts.particle, None, particles)
     # bounces too low to be seen rise above the base by less than the height of a flight
     least = LEAST_HEIGHT * contacts.noise
     for p in np.unique(rests.particle):
         level, _ = rests.level(p, 1.0 - FROM_ABOVE)
         below = np.quantile(samples.height[samples.particle == p], LOWEST)
         often = np.sum(rests.particle == p) > STAYS * count[p]
-        high = not level < meetings.level(p, FROM_ABOVE)[0] + least
+        met = meetings.level(p, FROM_ABOVE)[0] if count[p] else base.level
+        high = np.isnan(base.error) or level > met + least
         stays[p] = often and high and level < below + least
-    base = _levels(meetings, rests, stays, 1.0 - FROM_ABOVE)
-    if np.isnan(base.level):
-        level = low_points(samples, contacts.noise, None)[1]
-        return Rest(np.full(particles, level), level, float("nan"), stays)
-    return base
+    return _levels(base, meetings, rests, 1.0 - FROM_ABOVE)
+
+
+def _meetings(contacts: Contacts) -> Heights:
+    """Heights at which flights meet."""
+    met = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
+    return Heights(contacts.particle, met.height, contacts.noise * np.sqrt(met.height_variance))
 
 
 def _rests(samples: Samples, cut: Cut, exposure: float) -> Heights:
@@ -247,37 +251,28 @@ def _rests(samples: Samples, cut: Cut, exposure: float) -> Heights:
     return Heights(samples.particle[first[number]], np.array(height), noise / np.sqrt(count))
 
 
-def _refined(base: Rest, samples: Samples, member: Indices, joint: Junctions, noise: float) -> Rest:
-    """Return the base at the level at which fitted flights meet, or of the samples in stays."""
-    if base.stays is None:
-        return base
-    owner = samples.particle[np.searchsorted(np.maximum.accumulate(member), joint.before)]
-    meetings = Heights(owner, joint.height, joint.height_error)
-    rests = np.flatnonzero((member < 0) & base.stays[samples.particle])
-    heights = samples.height[rests]
-    rests = Heights(samples.particle[rests], heights, np.full(heights.size, noise))
-    found = _levels(meetings, rests, base.stays, 0.5)
-    return base if np.isnan(found.level) else found
+def _levels(base: Rest, meetings: Heights, rests: Heights, quantile: float) -> Rest:
+    """Levels from heights at which flights meet or, where there are stays, of `rests`.
 
-
-def _levels(meetings: Heights, rests: Heights, stays: Flags, quantile: float) -> Rest:
-    """Levels from heights at which flights meet or, where there are `stays`, of `rests`.
-
-    They differ if their chi-square about the mean is as improbable as that of a poor flight.
+    They differ if their chi-square about the mean is as improbable as that of a poor flight; those
+    of particles without such heights stay as they are in `base`.
     """
+    stays = base.stays
+    if stays is None:
+        return base
     found = [
-        rests.level(p, quantile) if stays[p] else meetings.level(p, FROM_ABOVE)
-        for p in range(stays.size)
+        rests.level(p, quantile) if stay else meetings.level(p, FROM_ABOVE)
+        for p, stay in enumerate(stays)
     ]
     level, error = np.array(found).T
     known = np.isfinite(level)
     if not known.any():
-        return Rest(level, float("nan"), float("nan"), stays)
+        return base
     weight = error[known] ** -2.0
     mean = float(np.average(level[known], weights=weight))
     chi_square = float(weight @ (level[known] - mean) ** 2)
     if known.sum() > 1 and chi_square >= chdtri(known.sum() - 1.0, POOR):
-        levels = np.where(known, level, mean)
+        levels = np.where(known, level, mean if np.isnan(base.error) else base.levels)
         return Rest(levels, float(np.mean(levels)), float(np.mean(error[known])), stays)
     return Rest(np.full(stays.size, mean), mean, float(weight.sum() ** -0.5), stays)
 
@@ -340,9 +335,6 @@ def flights_over(
         if turn < FIT_ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
         poor = poor_flights(fits, noise)
-        if isinstance(base, Rest):
-            base = _refined(base, samples, member, junctions, noise)
-            continue
         sound = ~(junctions.stayed | junctions.overlapping)
         sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
         # a lift-off from rest has no kink: frames before it would distort the flight
@@ -350,6 +342,12 @@ def flights_over(
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]
         contacts = contacts_between(samples, member, fits, junctions.before[sound], noise, fall)
+        if isinstance(base, Rest):
+            rests = np.flatnonzero(member < 0)
+            error = np.full(rests.size, noise)
+            lying = Heights(samples.particle[rests], samples.height[rests], error)
+            base = _levels(base, _meetings(contacts), lying, 0.5)
+            continue
         contacts = contacts._replace(drag=cut.contacts.drag)
         own = with_gravity(inputs, samples, np.where(poor[member], -1, member), noise)
         base = fit_base(
