@@ -341,13 +341,15 @@ def flights_over(
         lifted = np.zeros(poor.size, bool)
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]
-        contacts = contacts_between(samples, member, fits, junctions.before[sound], noise, fall)
         if isinstance(base, Rest):
-            rests = np.flatnonzero(member < 0)
-            error = np.full(rests.size, noise)
-            lying = Heights(samples.particle[rests], samples.height[rests], error)
-            base = _levels(base, _meetings(contacts), lying, 0.5)
+            sound |= np.isnan(base.error)  # the level is only a guess
+            found = owner[junctions.before], junctions.height, junctions.height_error
+            met = Heights(*(values[sound] for values in found))
+            found = samples.particle, samples.height, np.full(member.size, noise)
+            lying = Heights(*(values[member < 0] for values in found))
+            base = _levels(base, met, lying, 0.5)
             continue
+        contacts = contacts_between(samples, member, fits, junctions.before[sound], noise, fall)
         contacts = contacts._replace(drag=cut.contacts.drag)
         own = with_gravity(inputs, samples, np.where(poor[member], -1, member), noise)
         base = fit_base(
