@@ -57,7 +57,7 @@ from vibrosweep.lab.flights import (
     rough_noise,
     samples_of,
 )
-from vibrosweep.lab.regression import FITTED, FittedLaw, failed_fit, fit_law, with_speed
+from vibrosweep.lab.regression import FITTED, FittedLaw, Law, failed_fit, fit_law, with_speed
 from vibrosweep.lab.traces import trace_of_mark
 from vibrosweep.lab.tracks import find_swaps
 from vibrosweep.lab.variables import require_number, require_parameter
@@ -174,6 +174,10 @@ class Heights(NamedTuple):
     height: Array
     error: Array
 
+    def take(self, chosen: Flags) -> Heights:
+        """Return the chosen heights."""
+        return Heights._make(values[chosen] for values in self)
+
     def level(self, particle: int, quantile: float) -> tuple[float, float]:
         """Weighted mean of the heights of a particle that agree with one near a quantile.
 
@@ -198,15 +202,16 @@ class Rest(NamedTuple):
     # level, error: mean height, and the standard error of a level, m
     level: float
     error: float
-    # True for a particle whose level is that of its stays; None if the level is given
-    stays: Flags | None = None
+    # True for a particle whose level is that of its stays; empty if the level is given
+    stays: Flags
+    oscillation: Oscillation = Oscillation(np.array([0.0, 0.0, 1.0]))
 
 
 def base_at_rest(samples: Samples, cut: Cut, known: float | None, exposure: float) -> Rest:
     """Return the base at the height `known` (m), or at that of the contacts or stays of a cut."""
     contacts, particles = cut.contacts, int(samples.particle[-1]) + 1
     if known is not None:
-        return Rest(np.full(particles, known), known, 0.0)
+        return Rest(np.full(particles, known), known, 0.0, np.zeros(0, bool))
     meetings, rests = _meetings(contacts), _rests(samples, cut, exposure)
     level = low_points(samples, contacts.noise, None)[1]
     base = Rest(np.full(particles, level), level, float("nan"), np.zeros(particles, bool))
@@ -232,23 +237,40 @@ def _meetings(contacts: Contacts) -> Heights:
 
 def _rests(samples: Samples, cut: Cut, exposure: float) -> Heights:
     """Median height of the samples between two flights, without those that contain a landing."""
-    member, noise, fall = cut.member, cut.contacts.noise, cut.contacts.gravity
-    fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
-    flying = np.flatnonzero(clear_flights(samples, member, fits, noise, fall))
-    first = np.searchsorted(np.maximum.accumulate(member), flying)
-    before, after = fits.take(flying[:-1]), fits.take(flying[1:])
-    lands = meet(before, after, (before.centre + after.centre) / 2.0, fall).time
-    after = np.searchsorted(first, np.arange(member.size), side="right")
-    inner = (after > 0) & (after < flying.size)
-    after = after[inner]
-    where = np.flatnonzero(inner)
-    between = member[where] != flying[after - 1]
-    between &= samples.piece[first[after]] == samples.piece[first[after - 1]]
-    between &= np.abs(samples.time[where] - lands[after - 1]) >= exposure / 2.0
-    where, after = where[between], after[between]
-    number, which, count = np.unique(after, return_inverse=True, return_counts=True)
-    height = median(samples.height[where], which, np.arange(number.size)) if number.size else []
-    return Heights(samples.particle[first[number]], np.array(height), noise / np.sqrt(count))
+    noise, fall = cut.contacts.noise, cut.contacts.gravity
+    fits = fit_parabolas(samples, cut.member, int(cut.member.max()) + 1, fall)
+    clear = clear_flights(samples, cut.member, fits, noise, fall)
+    # number of the flight of each sample, or of the latest before it, and first sample of each
+    number = np.where((cut.member >= 0) & clear[cut.member], (np.cumsum(clear) - 1)[cut.member], -1)
+    latest = np.maximum.accumulate(number)
+    first = np.searchsorted(latest, np.arange(np.sum(clear)))
+    where = np.flatnonzero((number < 0) & (latest >= 0) & (latest < first.size - 1))
+    piece, before = samples.piece[first], latest[where]
+    one, two = (fits.take(clear).take(before + k) for k in (0, 1))
+    lands = meet(one, two, (one.centre + two.centre) / 2.0, fall).time
+    stays = (piece[before] == piece[before + 1]) & (
+        np.abs(samples.time[where] - lands) >= exposure / 2.0
+    )
+    where = where[stays]
+    flight, which, count = np.unique(before[stays], return_inverse=True, return_counts=True)
+    height = median(samples.height[where], which, np.arange(flight.size)) if flight.size else []
+    return Heights(samples.particle[first[flight]], np.array(height), noise / np.sqrt(count))
+
+
+def _refined(
+    base: Rest,
+    samples: Samples,
+    member: Indices,
+    owner: Indices,
+    joint: Junctions,
+    sound: Flags,
+    noise: float,
+) -> Rest:
+    """Return the base with levels from the `sound` junctions, or from samples in no flight."""
+    sound = sound | np.isnan(base.error)  # all of them if the level is only a guess
+    meetings = Heights(owner[joint.before], joint.height, joint.height_error)
+    rests = Heights(samples.particle, samples.height, np.full(member.size, noise))
+    return _levels(base, meetings.take(sound), rests.take(member < 0), 0.5)
 
 
 def _levels(base: Rest, meetings: Heights, rests: Heights, quantile: float) -> Rest:
@@ -258,7 +280,7 @@ def _levels(base: Rest, meetings: Heights, rests: Heights, quantile: float) -> R
     of particles without such heights stay as they are in `base`.
     """
     stays = base.stays
-    if stays is None:
+    if not stays.size:
         return base
     found = [
         rests.level(p, quantile) if stay else meetings.level(p, FROM_ABOVE)
@@ -316,19 +338,18 @@ def flights_over(
     Raises a TrackError if there is no flight, or if too few contacts are left.
     """
     member, fall = cut.member, cut.contacts.gravity
-    step = float(np.median(np.diff(samples.time)))
-    at_rest = Oscillation(np.array([0.0, 0.0, 1.0 / (STEPS * step)]))
     noise, contact = np.inf, np.zeros(1)
     for turn in range(FIT_ROUNDS):
-        oscillation = at_rest if isinstance(base, Rest) else base.oscillation
         levels = base.levels if isinstance(base, Rest) else _levels_below(base, samples)
-        below = levels[samples.particle] + oscillation.height(samples.time)
+        below = levels[samples.particle] + base.oscillation.height(samples.time)
         fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
         noise = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
         member, fits = _keep_flights(samples, member, fits, below, noise, fall)
         start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
         piece, owner = samples.piece[start], samples.particle[start]
-        ends = _ends(samples, member, fits, levels[owner], oscillation, fall, cut.contacts.drag)
+        ends = _ends(
+            samples, member, fits, levels[owner], base.oscillation, fall, cut.contacts.drag
+        )
         if isinstance(base, BaseFit):
             contact = base.lasting(ends.fall, ends.down)
         junctions = join(fits, piece, ends, noise, fall, contact)
@@ -342,12 +363,7 @@ def flights_over(
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]
         if isinstance(base, Rest):
-            sound |= np.isnan(base.error)  # the level is only a guess
-            found = owner[junctions.before], junctions.height, junctions.height_error
-            met = Heights(*(values[sound] for values in found))
-            found = samples.particle, samples.height, np.full(member.size, noise)
-            lying = Heights(*(values[member < 0] for values in found))
-            base = _levels(base, met, lying, 0.5)
+            base = _refined(base, samples, member, owner, junctions, sound, noise)
             continue
         contacts = contacts_between(samples, member, fits, junctions.before[sound], noise, fall)
         contacts = contacts._replace(drag=cut.contacts.drag)
@@ -359,21 +375,25 @@ def flights_over(
             moves=True,
             trace=base.problem.trace,
             inputs=own,
+            start=(base.values[: base.problem.parameters], levels),
         )
     gravity = measured_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall)
+    found = Flights(
+        *(fits, piece, owner, member, poor, ends, junctions, levels, np.nan, np.nan, noise),
+        *(*gravity, fall),
+    )
     if isinstance(base, Rest):
-        return Flights(
-            *(fits, piece, owner, member, poor, ends, junctions, base.levels),
-            *(base.level, base.error, noise, *gravity, fall),
-        )
+        return found._replace(levels=base.levels, base=base.level, base_error=base.error)
     of_levels = slice(-COUNT - base.levels.size, -COUNT)
-    spread = base.covariance[of_levels, of_levels]
+    spread = float(np.sqrt(base.covariance[of_levels, of_levels].sum())) / base.levels.size
     if inputs.gravity.error:
         gravity = base.gravity
-    return Flights(
-        *(fits, piece, owner, member, poor, ends, junctions, levels),
-        *(float(np.mean(base.levels)), float(np.sqrt(spread.sum())) / base.levels.size),
-        *(noise, *gravity, fall, base, _fit_laws(base)),
+    return found._replace(
+        base=float(np.mean(base.levels)),
+        base_error=spread,
+        gravity=gravity[0],
+        gravity_error=gravity[1],
+        base_fit=base,
     )
 
 
@@ -443,13 +463,26 @@ def _ends(
 
 
 def _fit_laws(base_fit: BaseFit) -> list[FittedLaw]:
-    """Fit the laws of `FITTED` to the contacts of a moving base that are not outliers."""
+    """Fit the laws of `FITTED` to the contacts of a moving base that are not outliers.
+
+    That of a constant restitution is the fit of the base itself.
+    """
+    of_base = slice(base_fit.problem.parameters)
+    constant = FittedLaw(
+        Law(),
+        base_fit.values[of_base],
+        base_fit.covariance[of_base, of_base],
+        base_fit.misfit,
+        base_fit.freedom,
+        int(base_fit.used.sum()),
+        base_fit.distance,
+    )
     contacts = base_fit.problem.contacts
     speeds = base_fit.oscillation.velocity(contacts.time) - contacts.arrival
     speeds = np.maximum(speeds[base_fit.used], 1e-6)
-    return [
+    return [constant] + [
         fit_law(name, speeds, lambda law: _fit_law(base_fit.problem._replace(law=law), base_fit))
-        for name in FITTED
+        for name in FITTED[1:]
     ]
 
 
@@ -551,6 +584,7 @@ class Setup(NamedTuple):
     frequency: float | None = None  # frequency of the forcing in Hz; None if unknown
     trace: Trace | None = None  # measured motion of a moving base
     inputs: Inputs | None = None  # of flights and contacts over a moving base
+    laws: bool = True  # fit the laws of restitution over a moving base
 
 
 class FittedTracks(NamedTuple):
@@ -607,50 +641,40 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
 def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, str]:
     """Find the flights over the given base or the one favoured by contacts; return its name too."""
     level = setup.motion == "level" or (setup.motion == "detect" and setup.base is not None)
-    level = level and setup.trace is None
+    if level and setup.trace is None:
+        return _over_rest(samples, gravity, setup), "level"
     fall, favoured, problem = gravity, "level", TrackError(UNDETERMINED)
     inputs = setup.inputs or Inputs(Input(gravity))
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
-        if inputs.gravity.error and not level:
+        if inputs.gravity.error:
             own = with_gravity(inputs, samples, cut.member, cut.contacts.noise)
             fall = own.gravity.value
             cut = find_contacts(samples, fall)
         flying, drag = samples, inputs.drag.value
-        if drag and not level:  # it would bend long flights into two
+        if drag:  # it would bend long flights into two
             flying = without_drag(samples, cut.member, fall, drag)
             cut = find_contacts(flying, fall)
             cut = cut._replace(contacts=cut.contacts._replace(drag=drag))
         found, error, over = cut.fall, cut.error, None
-        if level:
-            base = base_at_rest(samples, cut, setup.base, setup.exposure)
-            over = flights_over(samples, cut, base, setup.exposure, inputs)
-        else:
-            try:
-                favoured, over = _over_moving(flying, cut, setup, inputs)
-            except TrackError as reason:
-                favoured, problem = "undetermined", reason
+        try:
+            favoured, over = _over_moving(flying, cut, setup, inputs)
+        except TrackError as reason:
+            favoured, problem = "undetermined", reason
         if over is not None:
             found, error = over.gravity, over.gravity_error
         assumed = fall
         if not contradicts(found, error, fall):
-            if over is not None:
-                return over, favoured
+            if over is not None and over.base_fit is not None:
+                laws = _fit_laws(over.base_fit) if setup.laws else ()
+                return over._replace(laws=laws), favoured
             break
-        if level:
-            require_gravity(found, error, gravity)
         # compared with gravity, so that the total correction of all rounds remains small
-        elif not near_gravity(found, gravity):
+        if not near_gravity(found, gravity):
             break
         fall = found
         if not inputs.gravity.error:  # the scale is off by an unknown amount
             inputs = inputs._replace(gravity=Input(fall, WRONG_SCALE * fall))
-    if level:
-        raise TrackError(
-            f"flights fall with {found:.4g} ± {error:.2g} m s-2 when fitted with {assumed:.4g} "
-            f"m s-2, and gravity is {gravity:g} m s-2: no scale fits all of them; check the "
-            f"heights, or film faster or closer"
-        )
     if over is not None:  # the flights over this base contradict the assumed acceleration
         favoured = "undetermined"
         problem = TrackError(
@@ -659,7 +683,26 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
         )
     if setup.motion == "moving" or setup.trace is not None:
         raise problem
-    return _flights(samples, gravity, setup._replace(motion="level"))[0], favoured
+    return _over_rest(samples, gravity, setup), favoured
+
+
+def _over_rest(samples: Samples, gravity: float, setup: Setup) -> Flights:
+    """Find the flights over a base at rest, with the acceleration that they have."""
+    fall = gravity
+    for _ in range(SCALES):
+        cut = find_contacts(samples, fall)
+        base = base_at_rest(samples, cut, setup.base, setup.exposure)
+        flights = flights_over(samples, cut, base, setup.exposure, Inputs(Input(fall)))
+        found, error = flights.gravity, flights.gravity_error
+        if not contradicts(found, error, fall):
+            return flights
+        require_gravity(found, error, gravity)
+        fall = found  # parabolas with the wrong curvature would miss the landings
+    raise TrackError(
+        f"flights fall with {found:.4g} ± {error:.2g} m s-2 when fitted with "
+        f"{flights.curvature:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale fits all "
+        f"of them; check the heights, or film faster or closer"
+    )
 
 
 def _over_moving(
