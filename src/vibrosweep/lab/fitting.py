@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy.ndimage import median
 from scipy.special import chdtri
 
 from vibrosweep.arrays import Array, Flags, Indices
@@ -236,25 +235,25 @@ def _meetings(contacts: Contacts) -> Heights:
 
 
 def _rests(samples: Samples, cut: Cut, exposure: float) -> Heights:
-    """Median height of the samples between two flights, without those that contain a landing."""
+    """Mean heights of the samples between flights that differ by noise alone.
+
+    Those that last less than the `exposure` (s) are left out: they may contain a landing.
+    """
     noise, fall = cut.contacts.noise, cut.contacts.gravity
     fits = fit_parabolas(samples, cut.member, int(cut.member.max()) + 1, fall)
     clear = clear_flights(samples, cut.member, fits, noise, fall)
-    # number of the flight of each sample, or of the latest before it, and first sample of each
-    number = np.where((cut.member >= 0) & clear[cut.member], (np.cumsum(clear) - 1)[cut.member], -1)
-    latest = np.maximum.accumulate(number)
-    first = np.searchsorted(latest, np.arange(np.sum(clear)))
-    where = np.flatnonzero((number < 0) & (latest >= 0) & (latest < first.size - 1))
-    piece, before = samples.piece[first], latest[where]
-    one, two = (fits.take(clear).take(before + k) for k in (0, 1))
-    lands = meet(one, two, (one.centre + two.centre) / 2.0, fall).time
-    stays = (piece[before] == piece[before + 1]) & (
-        np.abs(samples.time[where] - lands) >= exposure / 2.0
-    )
-    where = where[stays]
-    flight, which, count = np.unique(before[stays], return_inverse=True, return_counts=True)
-    height = median(samples.height[where], which, np.arange(flight.size)) if flight.size else []
-    return Heights(samples.particle[first[flight]], np.array(height), noise / np.sqrt(count))
+    flies = (cut.member >= 0) & clear[cut.member]
+    # runs of samples in flight or not
+    new = (np.diff(flies, prepend=False) != 0) | (np.diff(samples.piece, prepend=-1) != 0)
+    start, run = np.flatnonzero(new), np.cumsum(new) - 1
+    last = np.append(start[1:], run.size) - 1
+    count = last - start + 1
+    height = np.bincount(run, samples.height) / count
+    residue = np.bincount(run, (samples.height - height[run]) ** 2)
+    still = residue <= noise**2 * _chi_square(POOR, np.maximum(count - 1.0, 1.0))
+    still &= ~flies[start] & (samples.time[last] - samples.time[start] >= exposure)
+    still &= noise > 0.0  # heights that never change
+    return Heights(samples.particle[start], height, noise / np.sqrt(count)).take(still)
 
 
 def _refined(
