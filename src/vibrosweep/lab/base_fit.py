@@ -13,7 +13,7 @@ from scipy.optimize import OptimizeResult, brentq, least_squares, minimize_scala
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.ballistics import POWER, Input
+from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.flights import (
     Fits,
     Samples,
@@ -224,9 +224,10 @@ def contacts_between(
 # gravity, together G, act during the contact, the ball leaves later and more slowly: those of a
 # dashpot follow from the motion under a constant G, to first order the speed is less by k G tau,
 # k = -2 (1 + e) log e / (pi^2 + log^2 e).  For a Hertz contact, whose duration is v^-0.2 times that
-# at 1 m/s, the factors were integrated; the exponent is a parameter between the two.  Contact time,
-# exponent, apparent gravity and drag are parameters with priors; heights and curvatures determine
-# them further.  The restitution may scatter from bounce to bounce: its standard deviation, a
+# at 1 m/s, the factors were integrated.  Laws of force differ in them by as much as a dashpot and
+# Hertz do; the exponent, and the share of Hertz in these effects, are parameters.  Contact time,
+# exponent, share, apparent gravity and drag have priors; heights and curvatures determine them
+# further.  The restitution may scatter from bounce to bounce: its standard deviation, a
 # variance component of the second equation, is the maximum-likelihood estimate.
 #
 # The equations of a chain of flights are those of a deterministic orbit, on which errors grow: in
@@ -253,12 +254,17 @@ LONGEST_CONTACT: Final = 5e-3  # s
 INSTANT: Final = Input(0.0, 1e-9)
 SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # trial values of the scatter of e
 # Effects of G on a Hertz contact relative to those on a dashpot, less 1: a + e on the speed, and
-# b - c e on the duration
-HERTZ: Final = (0.06, 0.35, 0.75)
+# b - c e on the duration; those of its change: d e^2 - f on the speed; and h, which is absolute, on
+# the duration
+HERTZ: Final = (0.06, 0.35, 0.75, 0.245, 0.198, 0.022)
+TOGETHER: Final = (0.1, 0.041)  # times e^-1/2 on the speed, times 1/e on the duration
+CURVED: Final = 0.0476  # weight of the second derivative of G, for both laws and every e
 MOST_PUSH: Final = 0.7  # G tau / v; at more, a ball hardly leaves
+NEGLECTED: Final = 0.25  # error of the speed after a contact, relative to v (G tau / v)^3
 NEWTONS: Final = 3
 # Limits of the inputs in trial steps, against overflow
-FARTHEST: Final = np.array([[0.1, 1e3], [-1.0, 1.0], [-0.5, 0.5], [-0.1, 0.1]])
+FARTHEST: Final = np.array([[0.1, 1e3], [-1.0, 1.0], [-0.5, 0.5], [-3.0, 4.0], [-0.1, 0.1]])
+SHORTEST: Final = 1e-8  # s, contact time below which a contact is instantaneous
 SLOWEST: Final = 1e-3  # m s-1, least impact speed in the contact time
 LEAST_E: Final = 0.01
 ONE_SIDED: Final = 2.71  # rise of the deviance at a one-sided limit of 95 %
@@ -270,22 +276,23 @@ class Inputs(NamedTuple):
     gravity: Input  # apparent, m s-2
     drag: Input = Input(0.0)  # 1 / (terminal speed)^2, s2 m-2
     power: Input = Input(0.0)  # contact times are proportional to (impact speed)^-power
+    share: Input = Input(0.0)  # of a Hertz contact, the rest a dashpot, in the effects of G
     contact: Input = INSTANT  # contact time at 1 m/s, s
 
     @property
     def instant(self) -> Inputs:
         """The same with instantaneous impacts."""
-        return self._replace(power=Input(0.0), contact=INSTANT)
+        return self._replace(power=Input(0.0), share=Input(0.0), contact=INSTANT)
 
     @property
     def firm(self) -> Inputs:
         """The same without errors except that of the contact time."""
-        gravity, drag, power = (Input(one.value) for one in self[:-1])
-        return Inputs(gravity, drag, power, self.contact)
+        gravity, drag, power, share = (Input(one.value) for one in self[:-1])
+        return Inputs(gravity, drag, power, share, self.contact)
 
 
 COUNT: Final = len(Inputs._fields)
-STEPS_OF_INPUTS: Final = (1e-4, 1e-6, 1e-3, 1e-7)
+STEPS_OF_INPUTS: Final = (1e-4, 1e-6, 1e-3, 1e-3, 1e-7)
 EXACT: Final = 1e-9  # relative error of an input without one
 
 
@@ -315,16 +322,15 @@ class Oscillation(NamedTuple):
         """Upper bound on the height in m above the level."""
         return sum(float(np.hypot(s, c)) / (TWO_PI * h * self.frequency) for h, s, c in self.tones)
 
-    def motion(self, time: Array) -> tuple[Array, Array, Array, Array]:
-        """Height above the level (m), velocity, acceleration and jerk (SI) at times in s."""
+    def motion(self, time: Array) -> tuple[Array, ...]:
+        """Height above the level (m), and its first four derivatives (SI), at times in s."""
         tones = np.array(self.tones).T[:, :, np.newaxis]
         omega, sine, cosine = TWO_PI * self.frequency * tones[0], tones[1], tones[2]
         sines, cosines = np.sin(omega * time), np.cos(omega * time)
         rise = (cosine * sines - sine * cosines) / omega
         speed = sine * sines + cosine * cosines
-        terms = rise, speed, -(omega**2) * rise, -(omega**2) * speed
-        height, velocity, acceleration, jerk = (term.sum(axis=0) for term in terms)
-        return height, velocity, acceleration, jerk
+        terms = rise, speed, -(omega**2) * rise, -(omega**2) * speed, omega**4 * rise
+        return tuple(np.asarray(term.sum(axis=0)) for term in terms)
 
     def height(self, time: Array) -> Array:
         """Height in m above the level."""
@@ -388,8 +394,8 @@ class BaseFit(NamedTuple):
     def lasting(self, speed: Array, time: Array) -> Array:
         """Contact times (s), at least 0, of impacts at speeds relative to the base and times."""
         half = max(float(self.values[-1]), 0.0) / 2.0
-        *_, pull, jerk = self.oscillation.motion(time + half)
-        lasting, _ = self.problem.lasting(self.values, speed, self.gravity[0] + pull, jerk)
+        _, _, pull, *changes = self.oscillation.motion(time + half)
+        lasting, _ = self.problem.lasting(self.values, speed, self.gravity[0] + pull, *changes)
         return np.maximum(lasting, 0.0)
 
 
@@ -427,17 +433,17 @@ class Problem(NamedTuple):
         the flights before and after, per standard error, shapes (contact, 2, 2), and variances
         specific to each contact, shape (contact, 2): scatter and second-order errors.
         """
-        gravity, drag, power, contact = self.inputs_of(values)
+        gravity, drag, power, _, contact = self.inputs_of(values)
         c, e, base = self.contacts.falling(gravity, drag), values[0], self.base(values)
         closing, moves = c.departure - c.arrival, self.moves
-        height, velocity, pull, jerk = base.motion(c.time)
+        height, velocity, pull, jerk, snap = base.motion(c.time)
         shift = moves * velocity
         falls, rises = shift - c.arrival, c.departure - shift  # towards and away from the base
         fall, spare = c.gravity + moves * pull, falls - rises
         about = contact * np.maximum(falls, SLOWEST) ** -power / closing
-        middle = fall + 0.5 * moves * jerk * spare * about
-        impact = falls - fall * about * rises  # before the flights meet
-        lasting, slower = self.lasting(values, impact, middle, moves * jerk)
+        since, impact = 0.5 * about * spare, falls - fall * about * rises  # when flights meet
+        pushes = fall + moves * jerk * since, moves * (jerk + snap * since), moves * snap
+        lasting, slower = self.lasting(values, impact, *pushes)
         lasting /= closing
         later = 0.5 * fall * lasting**2 * spare
         begins, ends = later - lasting * rises, later + lasting * falls  # from where they meet
@@ -456,6 +462,9 @@ class Problem(NamedTuple):
         own = np.stack([0.5 * fall**2 * when**2, 0.5 * (1.0 + q) ** 2 * when**2], axis=1)
         own[:, 1] *= jerk**2
         own[:, 1] += (self.scatter * arrives) ** 2
+        own[:, 1] += (
+            NEGLECTED * (fall * about * closing) ** 3 / np.maximum(falls, SLOWEST) ** 2
+        ) ** 2
         parts = []
         for fits, height, by_height, by_slope in (
             (c.before, rises / closing, -turn, q),
@@ -471,17 +480,20 @@ class Problem(NamedTuple):
             parts.append(np.moveaxis(np.array(rows), -1, 0))
         return np.stack([left, bounce], axis=1), parts[0], parts[1], own
 
-    def lasting(self, values: Array, speed: Array, fall: Array, jerk: Array) -> tuple[Array, Array]:
+    def lasting(
+        self, values: Array, speed: Array, fall: Array, jerk: Array, snap: Array
+    ) -> tuple[Array, Array]:
         """Contact times (s), and by how much the ball is slower after contacts (m s-1).
 
         The arguments are impact speeds (m s-1), accelerations of the base and gravity together in
-        the middle of the contacts (m s-2), and their rates of change (m s-3).
+        the middle of the contacts (m s-2), and their first and second derivatives (m s-3, m s-4).
         """
-        if self.inputs.contact == INSTANT:
+        *_, power, share, contact = self.inputs_of(values)
+        if abs(contact) < SHORTEST:
             return np.zeros_like(speed), np.zeros_like(speed)
-        *_, power, contact = self.inputs_of(values)
         speed, e = np.maximum(speed, SLOWEST), float(np.clip(values[0], LEAST_E, 1.0))
-        unit, decay, share = contact * speed**-power, -np.log(e), power / (2.0 * POWER.value)
+        unit, decay = contact * speed**-power, -np.log(e)
+        fall = fall + CURVED * snap * unit**2
         push, last = np.clip(fall * unit / speed, -MOST_PUSH, MOST_PUSH), np.ones_like(speed)
         for _ in range(NEWTONS + 1):
             fades, sine, cosine = np.exp(-decay * last), np.sin(np.pi * last), np.cos(np.pi * last)
@@ -491,14 +503,17 @@ class Problem(NamedTuple):
             longer = last - 1.0
             with np.errstate(divide="ignore", invalid="ignore"):
                 last = np.clip(last - (free + push * given) / rate, 0.5, 2.0)
-        slower = speed * (e + rate) * (1.0 + share * (e + HERTZ[0]))
-        # a change of G during the contact
-        z, change = complex(-decay, np.pi), jerk * unit**2
+        slower = (e + rate) * (1.0 + share * (e + HERTZ[0]))
+        # a change of G during the contact, alone and together with G
+        z, change = complex(-decay, np.pi), jerk * unit**2 / speed
         area = (1.0 + e) / (np.pi**2 + decay**2)
         lever = area / 2.0 - (1.0 / z**2 - e * (1.0 / z - 1.0 / z**2)).imag / np.pi
-        slower += change * (area + 2.0 * decay * lever)
-        longer = longer * (1.0 + share * (HERTZ[1] - HERTZ[2] * e)) + lever / e * change / speed
-        return unit * (1.0 + longer), slower
+        alone = (area + 2.0 * decay * lever) * (1.0 + share * (HERTZ[3] * e**2 - HERTZ[4]))
+        slower += change * (alone + TOGETHER[0] / np.sqrt(e) * push)
+        longer = longer * (1.0 + share * (HERTZ[1] - HERTZ[2] * e))
+        alone = lever / e + share * (HERTZ[5] - lever / e)
+        longer += change * (alone + TOGETHER[1] / e * push)
+        return unit * (1.0 + longer), speed * slower
 
     def inputs_of(self, values: Array) -> Array:
         """Return the values of the inputs, within limits."""
@@ -724,7 +739,7 @@ def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Arra
     if trace is not None and count > len(start):
         start = [_restitution(contacts, Oscillation(trace.values, trace.numbers)), *trace.values]
     medians = [np.median(contacts.height[problem.owner == p]) for p in range(levels)]
-    of_inputs = [0.01, 1e-3, 0.1, 1e-4]
+    of_inputs = [0.01, 1e-3, 0.1, 0.1, 1e-4]
     scale = np.concatenate([np.full(count, 0.1), np.full(levels, 1e-4), of_inputs])
     if problem.frequency is None:
         scale[3] = 1e-3

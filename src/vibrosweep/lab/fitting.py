@@ -339,6 +339,10 @@ def flights_over(
     member, fall = cut.member, cut.contacts.gravity
     noise, contact = np.inf, np.zeros(1)
     for turn in range(FIT_ROUNDS):
+        if isinstance(base, BaseFit) and inputs.gravity.error and turn:
+            fall = base.gravity[0]  # frames during contacts may have biased the first one
+            if not near_gravity(fall, inputs.gravity.value):
+                raise TrackError(UNDETERMINED)
         levels = base.levels if isinstance(base, Rest) else _levels_below(base, samples)
         below = levels[samples.particle] + base.oscillation.height(samples.time)
         fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
@@ -377,22 +381,28 @@ def flights_over(
             start=(base.values[: base.problem.parameters], levels),
         )
     gravity = measured_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall)
-    found = Flights(
-        *(fits, piece, owner, member, poor, ends, junctions, levels, np.nan, np.nan, noise),
-        *(*gravity, fall),
-    )
     if isinstance(base, Rest):
-        return found._replace(levels=base.levels, base=base.level, base_error=base.error)
-    of_levels = slice(-COUNT - base.levels.size, -COUNT)
-    spread = float(np.sqrt(base.covariance[of_levels, of_levels].sum())) / base.levels.size
-    if inputs.gravity.error:
-        gravity = base.gravity
-    return found._replace(
-        base=float(np.mean(base.levels)),
-        base_error=spread,
-        gravity=gravity[0],
-        gravity_error=gravity[1],
-        base_fit=base,
+        base_fit, levels, level, error = None, base.levels, base.level, base.error
+    else:
+        of_levels = slice(-COUNT - base.levels.size, -COUNT)
+        spread = base.covariance[of_levels, of_levels]
+        base_fit, level = base, float(np.mean(base.levels))
+        error = float(np.sqrt(spread.sum())) / base.levels.size
+    return Flights(
+        fits,
+        piece,
+        owner,
+        member,
+        poor,
+        ends,
+        junctions,
+        levels,
+        level,
+        error,
+        noise,
+        *gravity,
+        fall,
+        base_fit,
     )
 
 
@@ -655,18 +665,21 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
             flying = without_drag(samples, cut.member, fall, drag)
             cut = find_contacts(flying, fall)
             cut = cut._replace(contacts=cut.contacts._replace(drag=drag))
-        found, error, over = cut.fall, cut.error, None
+        found, error, assumed, over = cut.fall, cut.error, fall, None
         try:
             favoured, over = _over_moving(flying, cut, setup, inputs)
         except TrackError as reason:
             favoured, problem = "undetermined", reason
-        if over is not None:
+        if over is not None and over.base_fit is not None:
             found, error = over.gravity, over.gravity_error
-        assumed = fall
-        if not contradicts(found, error, fall):
-            if over is not None and over.base_fit is not None:
+            assumed, spread = over.base_fit.gravity
+            if not contradicts(found, error, assumed):
                 laws = _fit_laws(over.base_fit) if setup.laws else ()
-                return over._replace(laws=laws), favoured
+                over = over._replace(laws=laws)
+                if inputs.gravity.error:
+                    over = over._replace(gravity=assumed, gravity_error=spread)
+                return over, favoured
+        elif not contradicts(found, error, fall):
             break
         # compared with gravity, so that the total correction of all rounds remains small
         if not near_gravity(found, gravity):
