@@ -227,7 +227,7 @@ def bounces(lasting, scatter, number=200):
     for k in range(number if lasting else 0):
 
         def push(since, k=k):
-            down = G + float(BASE.acceleration(lands[k] + lasting * since))
+            down = G + BASE.motion(lands[k : k + 1] + lasting * since)[2][0]
             return down * lasting / towards[k]
 
         run = compress(away[k] / towards[k], "dashpot", push)

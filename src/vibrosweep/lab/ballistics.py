@@ -98,6 +98,9 @@ DRAG: Final = (1e-4, 1e-2)
 GRAVITY: Final = Input(9.81)
 # Contact time scales as (impact speed)^-p: p = 0 for a linear spring, 0.2 for a Hertzian contact
 POWER: Final = Input(0.1, 0.1)
+# Effects of accelerations during a contact: 0 for a linear spring with a dashpot, 1 for a Hertzian
+# contact; about -0.5 for a dashpot that never pulls
+SHARE: Final = Input(0.3, 0.6)
 
 
 def from_range(low: float, high: float) -> Input:

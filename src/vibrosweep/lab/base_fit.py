@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -13,7 +13,7 @@ from scipy.optimize import OptimizeResult, brentq, least_squares, minimize_scala
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.ballistics import POWER, Input
+from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.flights import (
     Fits,
     Samples,
@@ -184,7 +184,8 @@ def contacts_between(
     clear = clear_flights(samples, member, fits, noise, fall)
     # noise from flights alone, because residuals of a stay would inflate it
     free = fits.number[clear] - 2.0
-    noise = float(np.sqrt(fits.residue[clear].sum() / free.sum())) if free.size else noise
+    least = 1e-9 * float(np.ptp(samples.height))  # rounding errors
+    noise = max(np.sqrt(fits.residue[clear].sum() / free.sum()), least) if free.size else noise
     landing = landing[clear[landing] & clear[landing + 1]]
     before, after = fits.take(landing), fits.take(landing + 1)
     met = meet(before, after, (before.centre + after.centre) / 2.0, fall)
@@ -223,9 +224,10 @@ def contacts_between(
 # gravity, together G, act during the contact, the ball leaves later and more slowly: those of a
 # dashpot follow from the motion under a constant G, to first order the speed is less by k G tau,
 # k = -2 (1 + e) log e / (pi^2 + log^2 e).  For a Hertz contact, whose duration is v^-0.2 times that
-# at 1 m/s, the factors were integrated; the exponent is a parameter between the two.  Contact time,
-# exponent, apparent gravity and drag are parameters with priors; heights and curvatures determine
-# them further.  The restitution may scatter from bounce to bounce: its standard deviation, a
+# at 1 m/s, the factors were integrated.  Laws of force differ in them by as much as a dashpot and
+# Hertz do; the exponent, and the share of Hertz in these effects, are parameters.  Contact time,
+# exponent, share, apparent gravity and drag have priors; heights and curvatures determine them
+# further.  The restitution may scatter from bounce to bounce: its standard deviation, a
 # variance component of the second equation, is the maximum-likelihood estimate.
 #
 # The equations of a chain of flights are those of a deterministic orbit, on which errors grow: in
@@ -244,6 +246,7 @@ UNDETERMINED: Final = (
 )
 ROUNDS: Final = 2
 MOST_STEPS: Final = 30
+ACCURATE: Final = 1e-6  # relative change of chi-square at which a fit has converged
 STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite differences
 LONGEST_CONTACT: Final = 5e-3  # s
 # Default contact time, 0: bounces too low to be seen look like long contacts, and so do the kicks
@@ -251,12 +254,17 @@ LONGEST_CONTACT: Final = 5e-3  # s
 INSTANT: Final = Input(0.0, 1e-9)
 SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # trial values of the scatter of e
 # Effects of G on a Hertz contact relative to those on a dashpot, less 1: a + e on the speed, and
-# b - c e on the duration
-HERTZ: Final = (0.06, 0.35, 0.75)
+# b - c e on the duration; those of its change: d e^2 - f on the speed; and h, which is absolute, on
+# the duration
+HERTZ: Final = (0.06, 0.35, 0.75, 0.245, 0.198, 0.022)
+TOGETHER: Final = (0.1, 0.041)  # times e^-1/2 on the speed, times 1/e on the duration
+CURVED: Final = 0.0476  # weight of the second derivative of G, for both laws and every e
 MOST_PUSH: Final = 0.7  # G tau / v; at more, a ball hardly leaves
-NEWTONS: Final = 4
+NEGLECTED: Final = 0.25  # error of the speed after a contact, relative to v (G tau / v)^3
+NEWTONS: Final = 3
 # Limits of the inputs in trial steps, against overflow
-FARTHEST: Final = np.array([[0.1, 1e3], [-1.0, 1.0], [-0.5, 0.5], [-0.1, 0.1]])
+FARTHEST: Final = np.array([[0.1, 1e3], [-1.0, 1.0], [-0.5, 0.5], [-3.0, 4.0], [-0.1, 0.1]])
+SHORTEST: Final = 1e-8  # s, contact time below which a contact is instantaneous
 SLOWEST: Final = 1e-3  # m s-1, least impact speed in the contact time
 LEAST_E: Final = 0.01
 ONE_SIDED: Final = 2.71  # rise of the deviance at a one-sided limit of 95 %
@@ -268,22 +276,23 @@ class Inputs(NamedTuple):
     gravity: Input  # apparent, m s-2
     drag: Input = Input(0.0)  # 1 / (terminal speed)^2, s2 m-2
     power: Input = Input(0.0)  # contact times are proportional to (impact speed)^-power
+    share: Input = Input(0.0)  # of a Hertz contact, the rest a dashpot, in the effects of G
     contact: Input = INSTANT  # contact time at 1 m/s, s
 
     @property
     def instant(self) -> Inputs:
         """The same with instantaneous impacts."""
-        return self._replace(power=Input(0.0), contact=INSTANT)
+        return self._replace(power=Input(0.0), share=Input(0.0), contact=INSTANT)
 
     @property
     def firm(self) -> Inputs:
         """The same without errors except that of the contact time."""
-        gravity, drag, power = (Input(one.value) for one in self[:-1])
-        return Inputs(gravity, drag, power, self.contact)
+        gravity, drag, power, share = (Input(one.value) for one in self[:-1])
+        return Inputs(gravity, drag, power, share, self.contact)
 
 
 COUNT: Final = len(Inputs._fields)
-STEPS_OF_INPUTS: Final = (1e-4, 1e-6, 1e-3, 1e-7)
+STEPS_OF_INPUTS: Final = (1e-4, 1e-6, 1e-3, 1e-3, 1e-7)
 EXACT: Final = 1e-9  # relative error of an input without one
 
 
@@ -313,34 +322,23 @@ class Oscillation(NamedTuple):
         """Upper bound on the height in m above the level."""
         return sum(float(np.hypot(s, c)) / (TWO_PI * h * self.frequency) for h, s, c in self.tones)
 
-    def velocity(self, time: Array) -> Array:
-        """Velocity in m s-1 at times in s."""
-        return np.asarray(sum(speed for _, speed in self._velocities(time)))
-
-    def jerk(self, time: Array) -> Array:
-        """Rate of change of the acceleration in m s-3."""
-        return np.asarray(sum(-(omega**2) * speed for omega, speed in self._velocities(time)))
+    def motion(self, time: Array) -> tuple[Array, ...]:
+        """Height above the level (m), and its first four derivatives (SI), at times in s."""
+        tones = np.array(self.tones).T[:, :, np.newaxis]
+        omega, sine, cosine = TWO_PI * self.frequency * tones[0], tones[1], tones[2]
+        sines, cosines = np.sin(omega * time), np.cos(omega * time)
+        rise = (cosine * sines - sine * cosines) / omega
+        speed = sine * sines + cosine * cosines
+        terms = rise, speed, -(omega**2) * rise, -(omega**2) * speed, omega**4 * rise
+        return tuple(np.asarray(term.sum(axis=0)) for term in terms)
 
     def height(self, time: Array) -> Array:
         """Height in m above the level."""
-        return np.asarray(sum(rise for _, rise in self._heights(time)))
+        return self.motion(time)[0]
 
-    def acceleration(self, time: Array) -> Array:
-        """Acceleration in m s-2."""
-        return np.asarray(sum(-(omega**2) * rise for omega, rise in self._heights(time)))
-
-    def _velocities(self, time: Array) -> Iterator[tuple[float, Array]]:
-        """Angular frequency (rad s-1) and velocity (m s-1) of each harmonic."""
-        angle = TWO_PI * self.frequency * time
-        for h, s, c in self.tones:
-            yield TWO_PI * self.frequency * h, s * np.sin(h * angle) + c * np.cos(h * angle)
-
-    def _heights(self, time: Array) -> Iterator[tuple[float, Array]]:
-        """Angular frequency (rad s-1) and height (m) of each harmonic."""
-        angle = TWO_PI * self.frequency * time
-        for h, s, c in self.tones:
-            omega = TWO_PI * self.frequency * h
-            yield omega, (c * np.sin(h * angle) - s * np.cos(h * angle)) / omega
+    def velocity(self, time: Array) -> Array:
+        """Velocity in m s-1 at times in s."""
+        return self.motion(time)[1]
 
 
 class Trace(NamedTuple):
@@ -395,9 +393,10 @@ class BaseFit(NamedTuple):
 
     def lasting(self, speed: Array, time: Array) -> Array:
         """Contact times (s), at least 0, of impacts at speeds relative to the base and times."""
-        base, half = self.oscillation, max(float(self.values[-1]), 0.0) / 2.0
-        fall, jerk = self.gravity[0] + base.acceleration(time + half), base.jerk(time + half)
-        return np.maximum(self.problem.lasting(self.values, speed, fall, jerk)[0], 0.0)
+        half = max(float(self.values[-1]), 0.0) / 2.0
+        _, _, pull, *changes = self.oscillation.motion(time + half)
+        lasting, _ = self.problem.lasting(self.values, speed, self.gravity[0] + pull, *changes)
+        return np.maximum(lasting, 0.0)
 
 
 class Problem(NamedTuple):
@@ -434,34 +433,38 @@ class Problem(NamedTuple):
         the flights before and after, per standard error, shapes (contact, 2, 2), and variances
         specific to each contact, shape (contact, 2): scatter and second-order errors.
         """
-        gravity, drag, *_ = self.inputs_of(values)
+        gravity, drag, power, _, contact = self.inputs_of(values)
         c, e, base = self.contacts.falling(gravity, drag), values[0], self.base(values)
         closing, moves = c.departure - c.arrival, self.moves
-        shift = moves * base.velocity(c.time)
+        height, velocity, pull, jerk, snap = base.motion(c.time)
+        shift = moves * velocity
         falls, rises = shift - c.arrival, c.departure - shift  # towards and away from the base
-        fall = c.gravity + moves * base.acceleration(c.time)
-        jerk, spare = moves * base.jerk(c.time), falls - rises
-        lasting, _ = self.lasting(values, falls, fall, jerk)
-        middle = fall + 0.5 * jerk * spare * lasting / closing
-        impact = falls - fall * lasting * rises / closing  # before the flights meet
-        lasting, slower = self.lasting(values, impact, middle, jerk)
+        fall, spare = c.gravity + moves * pull, falls - rises
+        about = contact * np.maximum(falls, SLOWEST) ** -power / closing
+        since, impact = 0.5 * about * spare, falls - fall * about * rises  # when flights meet
+        pushes = fall + moves * jerk * since, moves * (jerk + snap * since), moves * snap
+        lasting, slower = self.lasting(values, impact, *pushes)
         lasting /= closing
         later = 0.5 * fall * lasting**2 * spare
         begins, ends = later - lasting * rises, later + lasting * falls  # from where they meet
-        left = c.height - values[self.parameters + self.owner] - moves * base.height(c.time)
+        left = c.height - values[self.parameters + self.owner] - moves * height
         left += lasting * falls * rises
         left -= 0.5 * fall * lasting**2 * (falls**3 + rises**3) / closing
-        left -= lasting**3 * spare * (jerk * (falls**2 + rises**2) / 6.0 + 0.5 * fall**2 * spare)
+        kick = moves * jerk * (falls**2 + rises**2) / 6.0 + 0.5 * fall**2 * spare
+        left -= lasting**3 * spare * kick
         velocity = base.velocity(c.time + begins)
         arrives = velocity - c.arrival + c.gravity * begins
         after, q = self.law.rebound_speed(arrives, e, values[-1])
         bounce = c.departure - c.gravity * ends - base.velocity(c.time + ends) - after + slower
-        turn = (1.0 + q) * (c.gravity + base.acceleration(c.time)) / closing
+        turn = (1.0 + q) * (c.gravity + pull) / closing
         when = (c.noise / closing) ** 2  # variance of the contact's time
         when *= line_variance(c.before, c.time) + line_variance(c.after, c.time)
         own = np.stack([0.5 * fall**2 * when**2, 0.5 * (1.0 + q) ** 2 * when**2], axis=1)
-        own[:, 1] *= base.jerk(c.time) ** 2
+        own[:, 1] *= jerk**2
         own[:, 1] += (self.scatter * arrives) ** 2
+        own[:, 1] += (
+            NEGLECTED * (fall * about * closing) ** 3 / np.maximum(falls, SLOWEST) ** 2
+        ) ** 2
         parts = []
         for fits, height, by_height, by_slope in (
             (c.before, rises / closing, -turn, q),
@@ -477,15 +480,20 @@ class Problem(NamedTuple):
             parts.append(np.moveaxis(np.array(rows), -1, 0))
         return np.stack([left, bounce], axis=1), parts[0], parts[1], own
 
-    def lasting(self, values: Array, speed: Array, fall: Array, jerk: Array) -> tuple[Array, Array]:
+    def lasting(
+        self, values: Array, speed: Array, fall: Array, jerk: Array, snap: Array
+    ) -> tuple[Array, Array]:
         """Contact times (s), and by how much the ball is slower after contacts (m s-1).
 
         The arguments are impact speeds (m s-1), accelerations of the base and gravity together in
-        the middle of the contacts (m s-2), and their rates of change (m s-3).
+        the middle of the contacts (m s-2), and their first and second derivatives (m s-3, m s-4).
         """
-        *_, power, contact = self.inputs_of(values)
+        *_, power, share, contact = self.inputs_of(values)
+        if abs(contact) < SHORTEST:
+            return np.zeros_like(speed), np.zeros_like(speed)
         speed, e = np.maximum(speed, SLOWEST), float(np.clip(values[0], LEAST_E, 1.0))
-        unit, decay, share = contact * speed**-power, -np.log(e), power / (2.0 * POWER.value)
+        unit, decay = contact * speed**-power, -np.log(e)
+        fall = fall + CURVED * snap * unit**2
         push, last = np.clip(fall * unit / speed, -MOST_PUSH, MOST_PUSH), np.ones_like(speed)
         for _ in range(NEWTONS + 1):
             fades, sine, cosine = np.exp(-decay * last), np.sin(np.pi * last), np.cos(np.pi * last)
@@ -495,14 +503,17 @@ class Problem(NamedTuple):
             longer = last - 1.0
             with np.errstate(divide="ignore", invalid="ignore"):
                 last = np.clip(last - (free + push * given) / rate, 0.5, 2.0)
-        slower = speed * (e + rate) * (1.0 + share * (e + HERTZ[0]))
-        # a change of G during the contact
-        z, change = complex(-decay, np.pi), jerk * unit**2
+        slower = (e + rate) * (1.0 + share * (e + HERTZ[0]))
+        # a change of G during the contact, alone and together with G
+        z, change = complex(-decay, np.pi), jerk * unit**2 / speed
         area = (1.0 + e) / (np.pi**2 + decay**2)
         lever = area / 2.0 - (1.0 / z**2 - e * (1.0 / z - 1.0 / z**2)).imag / np.pi
-        slower += change * (area + 2.0 * decay * lever)
-        longer = longer * (1.0 + share * (HERTZ[1] - HERTZ[2] * e)) + lever / e * change / speed
-        return unit * (1.0 + longer), slower
+        alone = (area + 2.0 * decay * lever) * (1.0 + share * (HERTZ[3] * e**2 - HERTZ[4]))
+        slower += change * (alone + TOGETHER[0] / np.sqrt(e) * push)
+        longer = longer * (1.0 + share * (HERTZ[1] - HERTZ[2] * e))
+        alone = lever / e + share * (HERTZ[5] - lever / e)
+        longer += change * (alone + TOGETHER[1] / e * push)
+        return unit * (1.0 + longer), speed * slower
 
     def inputs_of(self, values: Array) -> Array:
         """Return the values of the inputs, within limits."""
@@ -533,14 +544,26 @@ class Problem(NamedTuple):
         """Residuals in standard errors, flattened, for values without the inputs at their means."""
         return self.residuals(np.append(values, [one.value for one in self.inputs])).ravel()
 
+    def robust_fit(self, values: Array, scale: Array, bend: float) -> OptimizeResult:
+        """Fit all values but the inputs, with a loss that grows slowly beyond `bend`."""
+        return least_squares(
+            self.flat_residuals,
+            values,
+            loss="cauchy",
+            f_scale=bend,
+            x_scale=scale,
+            ftol=ACCURATE,
+            max_nfev=MOST_STEPS,
+        )
+
     def off_prior(self, values: Array) -> Array:
         """Deviations of the inputs from their prior means, in prior standard deviations."""
         known, error = np.array([(one.value, one.error or EXACT) for one in self.inputs]).T
         return np.asarray((values[self.place(values) :][:COUNT] - known) / error)
 
-    def _factor(self, values: Array, used: Flags) -> tuple[Array, Array]:
+    def _factor(self, equations: Sequence[Array], used: Flags) -> tuple[Array, Array]:
         """Residuals of the `used` contacts, and the banded factor of their covariance."""
-        left, before, after, own = self.equations(values)
+        left, before, after, own = equations
         chosen = np.flatnonzero(used)
         left, before, after = left[chosen], before[chosen], after[chosen]
         block = before @ before.transpose(0, 2, 1) + after @ after.transpose(0, 2, 1)
@@ -558,9 +581,11 @@ class Problem(NamedTuple):
 
     def with_likely_scatter(self, values: Array, used: Flags) -> tuple[Problem, float]:
         """Return the problem with the most likely scatter, and the upper limit on the scatter."""
+        *equations, fixed = self._replace(scatter=0.0).equations(values)
+        of_scatter = self._replace(scatter=1.0).equations(values)[-1] - fixed
 
         def deviance(scatter: float) -> float:
-            left, factor = self._replace(scatter=scatter)._factor(values, used)
+            left, factor = self._factor([*equations, fixed + scatter**2 * of_scatter], used)
             white = solve_banded((3, 0), factor, left)
             return float(white @ white + 2.0 * np.log(factor[0]).sum())
 
@@ -580,7 +605,7 @@ class Problem(NamedTuple):
 
         Residuals of the priors of the inputs, and of the trace, follow.
         """
-        left, factor = self._factor(values, used)
+        left, factor = self._factor(self.equations(values), used)
         place = self.place(values)
         levels = place - self.parameters
         right = np.zeros((left.size, levels)) if slopes else left
@@ -607,10 +632,10 @@ class Problem(NamedTuple):
         table = np.zeros((len(levels), values.size))
         table[:, self.parameters : place] = levels
         table[2 * np.count_nonzero(used) + exact, place + exact] = 1.0 / EXACT
+        here = self.whitened(values, used)
         for k, step in steps.items():
-            ends = [values + sign * step * (np.arange(values.size) == k) for sign in (1.0, -1.0)]
-            up, down = (self.whitened(end, used) for end in ends)
-            table[:, k] = (up - down) / (2.0 * step)
+            beside = self.whitened(values + step * (np.arange(values.size) == k), used)
+            table[:, k] = (beside - here) / step
         return table
 
 
@@ -622,31 +647,27 @@ def fit_base(
     moves: bool,
     trace: Trace | None = None,
     inputs: Inputs | None = None,
+    start: tuple[Array, Array] | None = None,
 ) -> BaseFit:
     """Fit the motion of a base to contacts.
 
     The frequency (Hz) is a parameter if `free` or if there is a `trace`, a measured motion of the
     base; `inputs` are by default instantaneous impacts in vacuum.  Without `moves` the base has a
-    constant level and kicks.  Raises a TrackError if there are fewer equations than parameters.
+    constant level and kicks.  The fit can `start` from values of the parameters, and the level
+    below each particle of the recording.  Raises a TrackError if there are fewer equations than
+    parameters.
     """
-    particles, owner = np.unique(contacts.particle, return_inverse=True)
     free = free or trace is not None
-    known = None if free else frequency
     inputs = inputs or Inputs(Input(contacts.gravity))
-    problem = Problem(contacts, owner, known, float(moves), trace, inputs)
+    problem, particles = _problem(contacts, None if free else frequency, moves, trace, inputs)
     traced, count = 0 if trace is None else trace.values.size, problem.parameters
     if 2 * contacts.time.size + traced < count + particles.size or not contacts.time.size:
         raise TrackError(UNDETERMINED)
     values, scale = _start(problem, frequency, particles.size)
-    for bend in BENDS:
-        values[:-COUNT] = least_squares(
-            problem.flat_residuals,
-            values[:-COUNT],
-            loss="cauchy",
-            f_scale=bend,
-            x_scale=scale[:-COUNT],
-            max_nfev=MOST_STEPS,
-        ).x
+    if start is not None:
+        values[:-COUNT] = np.append(start[0], start[1][particles])
+    for bend in BENDS if start is None else ():
+        values[:-COUNT] = problem.robust_fit(values[:-COUNT], scale[:-COUNT], bend).x
     problem, found, used, limit = without_outliers(problem, values, scale, problem.inliers(values))
     values = found.x
     covariance, misfit, freedom = covariance_of_fit(found)
@@ -665,6 +686,14 @@ def fit_base(
     )
 
 
+def _problem(
+    contacts: Contacts, known: float | None, moves: bool, trace: Trace | None, inputs: Inputs
+) -> tuple[Problem, NDArray[np.intp]]:
+    """Return the problem with a known or free frequency, and the particles that have contacts."""
+    particles, owner = np.unique(contacts.particle, return_inverse=True)
+    return Problem(contacts, owner, known, float(moves), trace, inputs), particles
+
+
 def without_outliers(
     problem: Problem, values: Array, scale: Array, chosen: Flags
 ) -> tuple[Problem, OptimizeResult, Flags, float]:
@@ -680,6 +709,7 @@ def without_outliers(
             values,
             problem.derivatives,
             x_scale=scale,
+            ftol=ACCURATE,
             args=(chosen,),
             max_nfev=MOST_STEPS,
         )
@@ -709,7 +739,7 @@ def _start(problem: Problem, frequency: float, levels: int) -> tuple[Array, Arra
     if trace is not None and count > len(start):
         start = [_restitution(contacts, Oscillation(trace.values, trace.numbers)), *trace.values]
     medians = [np.median(contacts.height[problem.owner == p]) for p in range(levels)]
-    of_inputs = [0.01, 1e-3, 0.1, 1e-4]
+    of_inputs = [0.01, 1e-3, 0.1, 0.1, 1e-4]
     scale = np.concatenate([np.full(count, 0.1), np.full(levels, 1e-4), of_inputs])
     if problem.frequency is None:
         scale[3] = 1e-3
@@ -731,6 +761,9 @@ FREQUENCIES: Final = (1.0, 100.0)
 MOST: Final = 1000
 # Smallest signal-to-noise ratio for which a base is fitted; noise alone gives at most 1.
 LEAST_SIGNAL: Final = 3.0
+# Ratio to the smallest chi-square of rough fits from which a frequency is out of the question;
+# wrong frequencies have ten times and more
+WORSE: Final = 4.0
 
 
 def which_base(
@@ -755,7 +788,10 @@ def which_base(
     if not rates:
         return "undetermined", None
     tried = [
-        [fit_base(few, rate, free=free, moves=moves, inputs=one) for rate in rates]
+        [
+            fit_base(few, rate, free=free, moves=moves, inputs=one)
+            for rate in _worth_a_fit(few, rates, free, moves, one)
+        ]
         for moves, one in ((True, firm), (False, firm.instant))[: 1 if known else 2]
     ]
     if known:
@@ -766,6 +802,18 @@ def which_base(
         min((_with_scatter(fit, scatter) for fit in fits), key=_distance) for fits in tried
     )
     return _preferred(moving, level), moving
+
+
+def _worth_a_fit(
+    contacts: Contacts, rates: list[float], free: bool, moves: bool, inputs: Inputs
+) -> list[float]:
+    """Return the frequencies (Hz) whose rough fits are not far worse than the best."""
+    costs = []
+    for rate in rates:
+        problem, particles = _problem(contacts, None if free else rate, moves, None, inputs)
+        values, scale = (one[:-COUNT] for one in _start(problem, rate, particles.size))
+        costs.append(problem.robust_fit(values, scale, BENDS[0]).cost)
+    return [rate for rate, cost in zip(rates, costs, strict=True) if cost <= WORSE * min(costs)]
 
 
 def moves(moving: BaseFit) -> bool:

@@ -401,7 +401,7 @@ def camera_shares(
     noise, rate = impacts.attrs["noise"], impacts.attrs["frame_rate"]
     # the fit of a moving base is weighted by the noise, which must not be zero
     least = 0.0 if impacts.attrs["base_motion"] == "level" else 0.01
-    setup = options.setup
+    setup = options.setup._replace(laws=False)
     if setup.base is None:
         motion = impacts.attrs["base_motion"]
         trace = _exact_trace(numbers, scene.waveform) if motion == "moving" else None

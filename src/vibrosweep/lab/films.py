@@ -96,6 +96,8 @@ def flights_in(time: Array, height: Array, unit: float, name: str) -> Film | Non
         raise TrackError(f"{name}: the ball falls upwards: reverse the axis (--axis)")
     step = float(np.median(np.diff(time)))
     member = _chosen(member, (error < SHARP * g) & (np.abs(curvature - g) < LOOSE * g))
+    if member.max() < 0:
+        return None
     fits, begin, end = _flights(samples, member, g)
     met = _meet(fits, g)
     parted = met.closing < PARTED * g * np.diff(fits.centre)

@@ -313,14 +313,6 @@ class Ends(NamedTuple):
     fall: Array
 
 
-def crossings(fits: Fits, base: float, gravity: float) -> Ends:
-    """Ends of flights on a base at a constant height."""
-    with np.errstate(invalid="ignore"):
-        speed = np.sqrt(fits.slope**2 + 2.0 * gravity * (fits.level - base))
-    rise = fits.centre + (fits.slope - speed) / gravity
-    return Ends(rise, fits.centre + (fits.slope + speed) / gravity, speed, speed)
-
-
 class Meetings(NamedTuple):
     """Intersections of flights; arrays of shape (meeting,)."""
 
@@ -366,6 +358,8 @@ BENT: Final = 6.0
 # Price of a sample that a parabola of unknown curvature takes from a flight without being tested
 UNJUDGED: Final = 10.0
 NOISE_ROUNDS: Final = 3
+# Least noise, in units of the range of heights: rounding errors of the sums over a piece
+ROUNDED: Final = 1e-6
 LOWEST: Final = 0.25  # quantile of the residuals of stretches from which the noise is estimated
 MOVES: Final = 0.1  # share of the displacements of a moving particle that one at rest stays below
 # Standard errors by which the acceleration of a flight may differ from gravity, and by which
@@ -436,7 +430,7 @@ def stretches(samples: Samples, gravity: float | None) -> tuple[Indices, float]:
     sample in m, from the residuals of the parabolas.
     """
     fall, terms, unjudged = (0.0, 3, UNJUDGED) if gravity is None else (gravity, 2, 0.0)
-    least = 1e-9 * float(np.ptp(samples.height))
+    least = ROUNDED * float(np.ptp(samples.height))
     noise = max(rough_noise(samples) if gravity else moving_noise(samples), least)
     member = np.zeros(samples.time.size, np.intp)
     for _ in range(NOISE_ROUNDS):
@@ -483,13 +477,6 @@ def clear_flights(
 
 # Time between two flights on the base, in standard errors, above which it is a stay
 MISSED: Final = 4.0
-# Distance from the base, in standard errors, within which flights meet on it
-ON_BASE: Final = 4.0
-# Quantile of the heights at which flights meet, the first estimate of the height of the base; it is
-# high because parabolas separated by a stay meet below the base
-FROM_ABOVE: Final = 0.8
-FEWEST_MEETINGS: Final = 3
-BASE_ROUNDS: Final = 5
 
 
 class Junctions(NamedTuple):
@@ -558,23 +545,3 @@ def join(
         met.height,
         noise * np.sqrt(met.height_variance),
     )
-
-
-def base_level(height: Array, error: Array, fallback: float) -> tuple[float, float]:
-    """Height of the base in m, and its standard error.
-
-    It is the weighted mean of the heights at which flights meet on the base, or the `fallback` with
-    the error NaN if too few do.  `error` holds the standard errors of the heights.
-    """
-    sound = np.isfinite(height) & np.isfinite(error)
-    height, error = height[sound], error[sound]
-    if height.size < FEWEST_MEETINGS:
-        return fallback, float("nan")
-    level = float(np.quantile(height, FROM_ABOVE))
-    for _ in range(BASE_ROUNDS):
-        near = np.abs(height - level) < ON_BASE * error
-        if near.sum() < FEWEST_MEETINGS:
-            return fallback, float("nan")
-        weight = error[near] ** -2.0
-        level = float(weight @ height[near] / weight.sum())
-    return level, float(weight.sum() ** -0.5)

@@ -14,7 +14,7 @@ from scipy.stats import circmean
 from vibrosweep.analysis import require
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
-from vibrosweep.lab.ballistics import POWER, Input, ball_inputs, given
+from vibrosweep.lab.ballistics import POWER, SHARE, Input, ball_inputs, given
 from vibrosweep.lab.base_fit import COUNT, BaseFit, Inputs, Trace
 from vibrosweep.lab.fitting import FittedTracks, Flights, Setup, fit_tracks
 from vibrosweep.lab.flights import line_variance, low_points
@@ -184,7 +184,7 @@ def inputs_of(
     if instant:
         return inputs
     lasts = Input(ball.contact.value, ball.contact.error or SHORT * ball.contact.value)
-    return inputs._replace(power=POWER, contact=lasts)
+    return inputs._replace(power=POWER, share=SHARE, contact=lasts)
 
 
 def impacts_of(tracks: xr.Dataset, fitted: FittedTracks, gravity: float, method: str) -> xr.Dataset:

@@ -30,6 +30,7 @@ FEWEST: Final = 10  # bounces that an estimate needs
 SCAN_SECONDS: Final = 10.0
 SCAN_BOUNCES: Final = 1000
 SUBHARMONICS: Final = (2, 3, 4, 5)
+MINIMA: Final = 5  # number of frequencies of the scan that are tried
 # Standard errors by which a restitution may exceed its range
 UNPHYSICAL: Final = 3.0
 # Threshold of Vuong's test in standard deviations: with independent data that favour neither model,
@@ -54,10 +55,11 @@ class Speeds(NamedTuple):
         return Speeds._make(values[chosen] for values in self)
 
 
-def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
-    """Find the frequency (Hz) at which the map fits the bounces best, by ordinary least squares.
+def find_frequencies(speeds: Speeds, between: tuple[float, float], most: int = 1) -> list[float]:
+    """Find frequencies (Hz) at which the map fits the bounces, the best one first.
 
-    A scan with the earliest bounces finds the minimum; longer and longer stretches refine it.
+    By ordinary least squares: a scan with the earliest bounces finds the `most` lowest minima, and
+    longer and longer stretches refine them.
     """
     speeds = speeds.take(np.argsort(speeds.time))
     since = speeds.time - speeds.time[0]
@@ -65,9 +67,18 @@ def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
     span = max(float(np.ptp(early.time)), 1e-9)
     steps = int((between[1] - between[0]) * 4.0 * span) + 2
     trial = np.linspace(*between, steps)
-    misfit = [_misfits(part, early) for part in np.array_split(trial, steps // 256 + 1)]
-    best, width = float(trial[np.argmin(np.concatenate(misfit))]), float(trial[1] - trial[0])
-    reach = span
+    parts = np.array_split(trial, steps // 256 + 1)
+    misfit = np.concatenate([_misfits(part, early) for part in parts])
+    beside = np.pad(misfit, 1, constant_values=np.inf)
+    lowest = np.flatnonzero((misfit <= beside[:-2]) & (misfit <= beside[2:]))
+    lowest = lowest[np.argsort(misfit[lowest])][:most]
+    width = float(trial[1] - trial[0])
+    return [_refined(speeds, float(f), width, span) for f in trial[lowest]]
+
+
+def _refined(speeds: Speeds, best: float, width: float, reach: float) -> float:
+    """Refine a minimum of known `width` (Hz), found in the first bounces, up to `reach` (s)."""
+    since = speeds.time - speeds.time[0]
     while True:  # doubling the length halves the width of the minimum
         used = speeds.take(since <= reach)
         best = float(
@@ -86,16 +97,17 @@ def find_frequency(speeds: Speeds, between: tuple[float, float]) -> float:
 def frequencies_to_try(
     speeds: Speeds, known: float | None, between: tuple[float, float]
 ) -> list[float]:
-    """Return the known frequency (Hz), or that of `find_frequency` and its submultiples.
+    """Return the known frequency (Hz), or the best of `find_frequencies` and submultiples of it.
 
-    On orbits that visit few phases, a multiple of the frequency may fit better by ordinary least
-    squares, which assigns all errors to the departure.
+    On orbits that visit few phases, a simple multiple of the frequency may fit better by ordinary
+    least squares, which assigns all errors to the departure.
     """
     if known is not None:
         return [known]
-    best = find_frequency(speeds, between)
-    parts = [best / k for k in SUBHARMONICS if best / k > between[0]]
-    return [best, *(find_frequency(speeds, (f - NEAR, f + NEAR)) for f in parts)]
+    found = find_frequencies(speeds, between, MINIMA)
+    parts = [found[0] / k for k in SUBHARMONICS if found[0] / k > between[0]]
+    near = [find_frequencies(speeds, (f - NEAR, f + NEAR))[0] for f in parts]
+    return found + [f for f in near if np.abs(np.array(found) - f).min() > NEAR]
 
 
 def is_unphysical(values: Array, covariance: Array) -> bool:

@@ -450,7 +450,8 @@ def even_times(time: Array, rounding: float, rate: float | None = None) -> tuple
     usual = float(np.median(steps))
     if time.size < 4:
         return time, 1.0 / usual
-    usual = float(steps[steps < 1.5 * usual].mean())
+    wide = max(0.5 * usual, (1.0 + 1e-6) * rounding)  # rounded steps may differ by their rounding
+    usual = float(steps[steps < usual + wide].mean())
     frame = np.concatenate([[0.0], np.cumsum(np.rint(steps / usual))])
     since = time - time[0]
     found = 1.0 / float(np.polyfit(frame, since, 1)[0])
