@@ -21,6 +21,8 @@ from vibrosweep.errors import TrackError
 from vibrosweep.figures.laboratory import errors_by_case, fitted_track
 from vibrosweep.figures.registry import save_formats
 from vibrosweep.figures.style import for_file
+from vibrosweep.lab.ballistics import Input
+from vibrosweep.lab.base_fit import Inputs, find_contacts
 from vibrosweep.lab.compare import QUANTITIES, compare_tracks
 from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import (
@@ -30,7 +32,7 @@ from vibrosweep.lab.experiment import (
     oscillating_surface,
     read_experiments,
 )
-from vibrosweep.lab.fitting import Setup, find_flights, fit_tracks
+from vibrosweep.lab.fitting import Setup, base_at_rest, fit_tracks, flights_over
 from vibrosweep.lab.flights import fit_parabolas, samples_of
 from vibrosweep.lab.impacts import BOUNCED, impacts_of
 from vibrosweep.lab.lines import flights_of, table_lines
@@ -266,7 +268,12 @@ def timing():
     samples = step(
         "samples and pieces", lambda: samples_of(when, height, np.zeros(height.shape, bool))
     )
-    flights = step("flights: found, fitted, reassigned", lambda: find_flights(samples, G, None))
+    cut = step("stretches of flight and contacts", lambda: find_contacts(samples, G))
+    base = step("base at rest", lambda: base_at_rest(samples, cut, None, 0.0))
+    inputs = Inputs(Input(G))
+    flights = step(
+        "flights: fitted, reassigned", lambda: flights_over(samples, cut, base, 0.0, inputs)
+    )
     step(
         "one fit of all parabolas, of eight",
         lambda: fit_parabolas(samples, flights.member, flights.piece.size, G),

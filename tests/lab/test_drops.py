@@ -121,6 +121,43 @@ def test_a_film_upside_down_names_the_option():
         restitution([turned])
 
 
+def test_a_film_over_a_shaken_base_is_refused_at_once():
+    """Its flights do not become lower; a joint fit to hundreds of them takes a minute."""
+    time, rng = np.arange(720) / 240.0, np.random.default_rng(2)
+    speeds = rng.uniform(1.0, 1.6, 30)
+    start = np.append(0.0, np.cumsum(2.0 * speeds / 9.81))
+    flight = np.searchsorted(start, time, "right") - 1
+    since = time - start[flight]
+    height = speeds[flight] * since - 9.81 / 2.0 * since**2 + 1e-4 * rng.standard_normal(time.size)
+    film = Recording("shaken", "", time, height, None, True, True, 0.0, None)
+    with pytest.raises(TrackError, match=r"loses no energy over \d+ bounces.*lab impacts"):
+        restitution([film])
+
+
+def test_a_floor_is_found_to_be_inclined_whether_hands_hold_the_ball_or_not():
+    for hands in (False, True):
+        setup = FloorExperiment(incline=-0.04, restitution=0.7, hands=hands, bounces=6)
+        found = restitution(film_drops(setup, 1, seed=3)[0])
+        assert abs(off(found, 0.7)) < 3.0
+        (degrees,) = re.findall(r"inclined by (\S+) degrees", found.attrs["remarks"])
+        assert float(degrees) == pytest.approx(2.29, abs=0.05)
+
+
+def test_bad_positions_and_a_long_rest_do_not_cut_flights():
+    """A ball at rest in whole pixels has no noise, and one position in fifty is elsewhere."""
+    rng, setup = np.random.default_rng(3), FloorExperiment(bounces=5, noise=2e-4, unit=1e-3)
+    film = film_drops(setup, 1, seed=5)[0][0]
+    height, step = np.rint(film.height), np.diff(film.time[:2])[0]
+    bad = rng.random(height.size) < 0.02
+    height[bad] += rng.uniform(-100.0, 100.0, bad.sum())
+    rest = np.repeat(height[[0, -1]], 200)
+    height = np.insert(rest, 200, height)
+    film = replace(film, time=step * np.arange(height.size), height=height)
+    found = restitution([film])
+    assert found.attrs["bounces"] == 5
+    assert abs(off(found, 0.85)) < 3.0
+
+
 def test_times_separate_the_variance_components():
     setup = FloorExperiment(scatter=0.006, drop_scatter=0.006, terminal_speed=33.0)
     recordings, truth = hear_drops(setup, 16, seed=3)

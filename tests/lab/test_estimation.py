@@ -57,7 +57,7 @@ def test_errors_on_both_sides_do_not_bias_the_restitution(recordings, estimates)
         plain.append(np.linalg.lstsq(design, leave, rcond=None)[0][0])
     adjusted = [float(one["estimate"][0]) for one in estimates[20.0]]
     spread = np.std(adjusted) / np.sqrt(len(adjusted))
-    assert abs(np.mean(plain) - 0.85) > 5.0 * spread
+    assert abs(np.mean(plain) - 0.85) > 4.0 * spread  # 6 for twice as many recordings
     assert abs(np.mean(adjusted) - 0.85) < 3.0 * spread
 
 

@@ -182,6 +182,39 @@ def test_heights_by_the_method_of_the_study_are_relative_to_the_level_of_each_pa
     np.testing.assert_allclose(means[1], means[0], rtol=0.1)
 
 
+def test_a_tilt_under_equal_bounces_is_not_taken_for_stays(trial):
+    """On a locked orbit a low level and stays differ by the positions between flights alone."""
+    film = trial(scene={**LABORATORY, "phase": np.pi}, particles=3, length=2.0)
+    tracks = film.tracks.isel(particle=[0, 2])
+    tilted = tracks.assign(height=tracks["height"] + TILT[:2])
+    level, tilt = (find_impacts(one, motion="level") for one in (tracks, tilted))
+    np.testing.assert_allclose(tilt["level"].values - TILT[:2], level["level"].values, atol=5e-5)
+    for one in (level, tilt):
+        assert (one["quality"].values == STAYED).sum() == 0
+    assert int(tilt["impact_count"].sum()) == int(level["impact_count"].sum()) > 60
+
+
+def test_low_flights_between_high_ones_are_found(irregular):
+    """All landings next to flights of six frames and twice the least height are found."""
+    found = find_impacts(irregular.tracks, motion="level")
+    noise = found.attrs["noise"]
+    record, end = irregular.record, float(irregular.tracks["time"][-1])
+    missed = seen = 0
+    for p in range(3):
+        lands, leaves = record.landing_time[p], record.liftoff_time[p]
+        inside = np.isfinite(lands) & np.isfinite(leaves) & (lands > 20.0) & (lands < end)
+        lands, leaves = lands[inside], leaves[inside]
+        lasts = lands[1:] - leaves[:-1]
+        clear = (lasts > 6.0 / 240.0) & (G * lasts**2 / 8.0 > 8.0 * noise)
+        true = lands[1:-1][clear[:-1] & clear[1:]]
+        landed = found["landing_time"].values[p]
+        landed = landed[np.isfinite(landed)]
+        off = np.abs(true[:, np.newaxis] - landed).min(axis=1)
+        missed, seen = missed + np.sum(off > 0.5 / 240.0), seen + true.size
+    assert seen > 200
+    assert missed == 0
+
+
 def test_levels_that_agree_are_one(found):
     assert np.ptp(found["level"].values) == 0.0
     assert found.attrs["base"] == found["level"].values[0]

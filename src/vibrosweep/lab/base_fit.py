@@ -184,7 +184,8 @@ def contacts_between(
     clear = clear_flights(samples, member, fits, noise, fall)
     # noise from flights alone, because residuals of a stay would inflate it
     free = fits.number[clear] - 2.0
-    noise = float(np.sqrt(fits.residue[clear].sum() / free.sum())) if free.size else noise
+    least = 1e-9 * float(np.ptp(samples.height))  # rounding errors
+    noise = max(np.sqrt(fits.residue[clear].sum() / free.sum()), least) if free.size else noise
     landing = landing[clear[landing] & clear[landing + 1]]
     before, after = fits.take(landing), fits.take(landing + 1)
     met = meet(before, after, (before.centre + after.centre) / 2.0, fall)
@@ -254,6 +255,7 @@ SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # trial values of
 # b - c e on the duration; those of its change: d e^2 - f on the speed; and h, which is absolute, on
 # the duration
 HERTZ: Final = (0.06, 0.35, 0.75, 0.245, 0.198, 0.022)
+TOGETHER: Final = (0.1, 0.041)  # times e^-1/2 on the speed, times 1/e on the duration
 CURVED: Final = 0.0476  # weight of the second derivative of G, for both laws and every e
 MOST_PUSH: Final = 0.7  # G tau / v; at more, a ball hardly leaves
 NEGLECTED: Final = 0.25  # error of the speed after a contact, relative to v (G tau / v)^3
@@ -502,17 +504,17 @@ class Problem(NamedTuple):
             longer = last - 1.0
             with np.errstate(divide="ignore", invalid="ignore"):
                 last = np.clip(last - (free + push * given) / rate, 0.5, 2.0)
-        slower = speed * (e + rate) * (1.0 + share * (e + HERTZ[0]))
-        # a change of G during the contact
-        z, change = complex(-decay, np.pi), jerk * unit**2
+        slower = (e + rate) * (1.0 + share * (e + HERTZ[0]))
+        # a change of G during the contact, alone and together with G
+        z, change = complex(-decay, np.pi), jerk * unit**2 / speed
         area = (1.0 + e) / (np.pi**2 + decay**2)
         lever = area / 2.0 - (1.0 / z**2 - e * (1.0 / z - 1.0 / z**2)).imag / np.pi
-        slower += (
-            change * (area + 2.0 * decay * lever) * (1.0 + share * (HERTZ[3] * e**2 - HERTZ[4]))
-        )
+        alone = (area + 2.0 * decay * lever) * (1.0 + share * (HERTZ[3] * e**2 - HERTZ[4]))
+        slower += change * (alone + TOGETHER[0] / np.sqrt(e) * push)
         longer = longer * (1.0 + share * (HERTZ[1] - HERTZ[2] * e))
-        longer += (lever / e + share * (HERTZ[5] - lever / e)) * change / speed
-        return unit * (1.0 + longer), slower
+        alone = lever / e + share * (HERTZ[5] - lever / e)
+        longer += change * (alone + TOGETHER[1] / e * push)
+        return unit * (1.0 + longer), speed * slower
 
     def inputs_of(self, values: Array) -> Array:
         """Return the values of the inputs, within limits."""

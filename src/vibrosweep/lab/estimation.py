@@ -370,11 +370,14 @@ def estimate(
         )
     free = frequency is None
     rates = frequencies_to_try(bounces.speeds(), frequency, frequency_range)
-    tried = [_adjust_at(bounces, rate, free) for rate in rates]
-    adjusted, signal = min(tried, key=_rank)
-    fit, laws = _fit_and_laws(bounces, adjusted, signal, frequency)
-    lost = np.isinf(adjusted.chi_square)
-    if lost and (np.isnan(fit.misfit) or _warnings_of(fit, signal)[0]):
+    tried = sorted((_adjust_at(bounces, rate, free) for rate in rates), key=_rank)
+    for adjusted, signal in [*tried, tried[0]]:
+        # at the true frequency a constant e may fail where a law fits
+        fit, laws = _fit_and_laws(bounces, adjusted, signal, frequency)
+        unfit = np.isnan(fit.misfit) or _warnings_of(fit, signal)[0]
+        if not unfit:
+            break
+    if unfit and np.isinf(adjusted.chi_square):
         raise TrackError(
             f"{impacts.attrs['source']}: no restitution and forcing describe the bounces: look for "
             f"exchanged names, flights that fit badly, and a wrong frequency"

@@ -1,4 +1,4 @@
-"""Find flights in tracks over a base that moves or has a constant level, iteratively."""
+"""Find flights in tracks over a base that moves or is at rest, iteratively."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import chdtri
 
-from vibrosweep.arrays import Array, Indices
+from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.ballistics import Input
 from vibrosweep.lab.base_fit import (
@@ -22,6 +22,7 @@ from vibrosweep.lab.base_fit import (
     Contacts,
     Cut,
     Inputs,
+    Oscillation,
     Problem,
     Trace,
     bend,
@@ -36,7 +37,6 @@ from vibrosweep.lab.base_fit import (
     without_outliers,
 )
 from vibrosweep.lab.flights import (
-    ON_BASE,
     SCALE_OFF,
     WRONG_SCALE,
     Ends,
@@ -44,9 +44,8 @@ from vibrosweep.lab.flights import (
     Junctions,
     Samples,
     apparent_gravity,
-    base_level,
+    clear_flights,
     contradicts,
-    crossings,
     fit_parabolas,
     high_flights,
     join,
@@ -64,25 +63,16 @@ from vibrosweep.lab.tracks import find_swaps
 from vibrosweep.lab.variables import require_number, require_parameter
 
 # -----------------------------------------------------------------------------
-# Find flights in samples: fit them, intersect neighbours, reassign the samples, and repeat.
+# Flights of all particles, with their junctions and the base below them.
 
-# Fraction of the height of a flight above which samples belong to it, wherever its ends are
-UPPER: Final = 0.25
 # Smallest number of samples of a flight, one more than its unknowns, and its smallest height in
 # units of the noise
 LEAST_SAMPLES: Final = 3
 LEAST_HEIGHT: Final = 4.0
-FIRST_SHARE: Final = 0.6  # factor on the first estimate of the noise, which may be too large
 # Significance level of the test for poor flights: one good flight in a million fails it
 POOR: Final = 1e-6
-# Fraction of poor flights at which the search has failed
-MOSTLY: Final = 0.5
-# Distance from the base, in units of the noise, within which a sample is on it
-OFF_BASE: Final = 3.0
 # Largest number of trial accelerations, each found from flights fitted with the previous one
 SCALES: Final = 3
-# Iterations; in most tracks no sample changes its flight after three.
-ROUNDS: Final = 4
 
 
 class Flights(NamedTuple):
@@ -109,177 +99,6 @@ class Flights(NamedTuple):
     curvature: float
     base_fit: BaseFit | None = None  # motion of the base; None if it has a constant level
     laws: Sequence[FittedLaw] = ()  # laws of restitution, fitted over a moving base
-
-
-def find_flights(
-    samples: Samples, gravity: float, base: float | None, exposure: float = 0.0
-) -> Flights:
-    """Find and fit all flights.
-
-    `base` is the height of the base in m, or None to estimate it.  Frames whose `exposure` (s)
-    contains a landing belong to no flight.  Raises a TrackError if there is no flight, or if
-    flights do not fall with gravity.
-    """
-    fall = gravity
-    for _ in range(SCALES):
-        flights = _search(samples, fall, base, exposure)
-        found, error = flights.gravity, flights.gravity_error
-        if not contradicts(found, error, fall):
-            return flights
-        require_gravity(found, error, gravity)
-        fall = found  # parabolas with the wrong curvature would miss the landings
-    raise TrackError(
-        f"flights fall with {found:.4g} ± {error:.2g} m s-2 when fitted with "
-        f"{flights.curvature:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale fits all "
-        f"of them; check the heights, or film faster or closer"
-    )
-
-
-def _search(samples: Samples, gravity: float, base: float | None, exposure: float) -> Flights:
-    noise = rough_noise(samples)
-    # too large a noise estimate would hide low flights
-    rough = _iterate(samples, FIRST_SHARE * noise, gravity, base, exposure)
-    noise = min(noise, rough.noise)
-    flights = _iterate(samples, noise, gravity, base, exposure)
-    if base is not None or flights.poor.mean() < MOSTLY:
-        return flights
-    # if every flight is followed by a stay, the parabolas meet below the base, and the lowest
-    # samples lie on it
-    parted = _iterate(samples, noise, gravity, low_points(samples, noise, None)[1], exposure)
-    rests = samples.height[parted.member < 0]
-    if not rests.size or parted.poor.mean() >= MOSTLY:
-        return flights
-    # leave out the samples of bounces that are too low to be resolved
-    rests = rests[np.abs(rests - np.median(rests)) <= OFF_BASE * parted.noise]
-    found = _iterate(samples, noise, gravity, float(rests.mean()), exposure)
-    return found._replace(base_error=parted.noise / float(np.sqrt(rests.size)))
-
-
-def _iterate(
-    samples: Samples, noise: float, gravity: float, known: float | None, exposure: float
-) -> Flights:
-    """Fit flights, join them, assign samples to flights by the landings found; repeat.
-
-    `known` is the height of the base in m, or None.
-    """
-    member, piece, base, _ = _upper_samples(samples, noise, known)
-    error, noise = 0.0, np.inf
-    for turn in range(ROUNDS):
-        fits, piece, member, found = _keep_resolved(samples, member, piece, base, gravity)
-        # a stay mistaken for part of a flight would inflate the noise and thus remain hidden
-        noise = min(noise, found)
-        ends = crossings(fits, base, gravity)
-        junctions = join(fits, piece, ends, noise, gravity)
-        if known is None:
-            base, error = base_level(junctions.height, junctions.height_error, base)
-            ends = crossings(fits, base, gravity)
-            junctions = join(fits, piece, ends, noise, gravity)
-        if turn < ROUNDS - 1:
-            member = assign_samples(samples, piece, junctions, ends, exposure)
-    return Flights(
-        fits,
-        piece,
-        samples.particle[samples.bounds[piece]],
-        member,
-        poor_flights(fits, noise),
-        ends,
-        junctions,
-        np.full(samples.particle[-1] + 1, base),
-        base,
-        error,
-        noise,
-        *measured_gravity(samples, member, fits.top(gravity) - base, noise, gravity),
-        gravity,
-    )
-
-
-def _upper_samples(
-    samples: Samples, noise: float, known: float | None
-) -> tuple[Indices, Indices, float, Array]:
-    """Assign the samples in the upper part of each flight to it, without fitting.
-
-    Returns the number of the flight of each sample (-1 for none), the piece of track of each
-    flight, the height of the base, and the largest height in each flight.
-    """
-    low, base = low_points(samples, noise, known)
-    edges = np.unique(np.concatenate([samples.bounds[:-1], low]))
-    tops = np.maximum.reduceat(samples.height, edges)
-    flight = np.searchsorted(edges, np.arange(samples.time.size), side="right") - 1
-    upper = samples.height - base > UPPER * (tops[flight] - base)
-    upper[low] = False
-    # only the stretch around the highest sample, because a stay elsewhere may be equally high
-    stretch = np.cumsum(np.diff(np.where(upper, flight, -1), prepend=-2) != 0)
-    at_top = samples.height == tops[flight]
-    resolved = np.zeros(int(stretch[-1]) + 1, bool)
-    resolved[stretch[at_top]] = True
-    return np.where(upper & resolved[stretch], flight, -1), samples.piece[edges], base, tops
-
-
-def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
-    """Raise a TrackError if the highest flights fall upwards, or not with gravity."""
-    found, error = _rough_gravity(samples, base)
-    if not _shows_gravity(found, error, gravity):
-        turned = replace(samples, height=-samples.height)
-        falls, scatter = _rough_gravity(turned, None if base is None else -base)
-        if _shows_gravity(falls, scatter, gravity):
-            raise TrackError(
-                f"heights grow downwards: with the axis turned, the particles fall with "
-                f"{falls:.3g} m s-2, and gravity is {gravity:g} m s-2; turn the axis"
-            )
-    require_gravity(found, error, gravity)
-
-
-def _shows_gravity(acceleration: float, error: float, gravity: float) -> bool:
-    """Return whether an acceleration is near gravity, and its error too small for chance."""
-    return near_gravity(acceleration, gravity) and SCALE_OFF * error < WRONG_SCALE * gravity
-
-
-def _rough_gravity(samples: Samples, base: float | None) -> tuple[float, float]:
-    """Acceleration of the highest flights, and its standard error, m s-2."""
-    noise = rough_noise(samples)
-    member, _, base, tops = _upper_samples(samples, FIRST_SHARE * noise, base)
-    high = high_flights(tops - base, noise)
-    return apparent_gravity(samples, np.where(high[member], member, -1), tops.size)
-
-
-def require_gravity(found: float, error: float, gravity: float) -> None:
-    """Raise a TrackError if flights fall with an acceleration (m s-2) far from gravity."""
-    # both are NaN, and raise no error, if no flight has enough frames to determine its curvature
-    if not abs(found - gravity) > max(WRONG_SCALE * gravity, SCALE_OFF * error):
-        return
-    units = f"multiply the scale by about {gravity / found:.2g}, or " if found > 0.0 else ""
-    raise TrackError(
-        f"the particles fall with {found:.3g} m s-2 instead of {gravity:g} m s-2: {units}turn the "
-        f"axis, or correct the frame rate, or film faster where flights last fewer than five "
-        f"frames; particles that hardly leave the base do not show gravity"
-    )
-
-
-def _keep_resolved(
-    samples: Samples, member: Indices, piece: Indices, base: float, gravity: float
-) -> tuple[Fits, Indices, Indices, float]:
-    """Fit the flights, and select those that are resolved; also return the noise."""
-    fits = fit_parabolas(samples, member, piece.size, gravity)
-    noise = flight_noise(fits, float(np.ptp(samples.height)))
-    with np.errstate(invalid="ignore"):
-        high = fits.top(gravity) - base > LEAST_HEIGHT * noise
-    resolved, fits, member = keep_resolved(fits, high, member)
-    return fits, piece[resolved], member, noise
-
-
-def keep_resolved(
-    fits: Fits, high: NDArray[np.bool_], member: Indices
-) -> tuple[Indices, Fits, Indices]:
-    """Select the flights that are `high` and have enough samples, and renumber them."""
-    resolved = np.flatnonzero(high & (fits.number >= LEAST_SAMPLES))
-    if not resolved.size:
-        raise TrackError(
-            "no flight rises out of the noise: check the heights, their axis, scale and base, or "
-            "film faster where flights last fewer than five frames"
-        )
-    number = np.full(high.size + 1, -1)
-    number[resolved] = np.arange(resolved.size)
-    return resolved, fits.take(resolved), number[member]
 
 
 def flight_noise(fits: Fits, extent: float) -> float:
@@ -332,67 +151,152 @@ def assign_samples(
 
 
 # -----------------------------------------------------------------------------
-# A base at a constant level that differs between particles: a tilted base or camera.
+# A base at rest: its level below each particle, from the heights at which flights meet.
 #
-# Free flight does not depend on the level: the track of each particle is shifted by the difference
-# of its level from the common one, the flights are found, and everything is shifted back.  Flights
-# separated by a stay meet below the base, and on a periodic orbit all at the same height.  If all
-# bounces of a particle are equal, a low level cannot therefore be distinguished from stays, and is
-# replaced by the common level.
+# Parabolas separated by a stay meet below the base, on a periodic orbit all at the same height.  If
+# the positions between flights lie clearly above that height, they are the level.
 
-# Relative scatter of speeds above which bounces are not equal, many times the effect of noise
-DIFFERENT: Final = 0.05
-
-
-def flights_on_levels(
-    samples: Samples, contacts: Contacts, gravity: float, exposure: float = 0.0
-) -> Flights:
-    """Find flights, with a level for each particle if the bounces contradict a common one.
-
-    They contradict it if the chi-square of the levels about their mean is as improbable as that of
-    a poor flight.  The contacts are those of the same samples, found without a level; the other
-    arguments are as in `find_flights`.
-    """
-    level, error, equal = _levels(contacts, int(samples.particle[-1]) + 1)
-    known = np.isfinite(error) & ~equal
-    known |= equal & (level > _mean(level[known], error[known]))
-    off = level - _mean(level[known], error[known])
-    chi_square = float(np.sum((off[known] / error[known]) ** 2))
-    if known.sum() < 2 or chi_square < chdtri(known.sum() - 1.0, POOR):
-        return find_flights(samples, gravity, None, exposure)
-    shift = np.where(known, off, 0.0)
-    moved = replace(samples, height=samples.height - shift[samples.particle])
-    found = find_flights(moved, gravity, None, exposure)
-    by_flight, joint = shift[found.particle], found.junctions
-    return found._replace(
-        fits=found.fits._replace(level=found.fits.level + by_flight),
-        junctions=joint._replace(height=joint.height + by_flight[joint.before]),
-        levels=found.levels + shift,
-        base=float(np.mean(found.levels + shift)),
-        base_error=float(np.mean(error[known])),
-    )
+# Quantile of the heights at which flights meet, the first estimate of a level: high because of
+# stays.  Of the heights of stays it is low, because bounces too low to be seen lie above the base.
+FROM_ABOVE: Final = 0.8
+# Distance from the base, in standard errors, within which flights meet on it
+ON_BASE: Final = 4.0
+LEVEL_ROUNDS: Final = 5
+# Smallest number of stays for each contact at which they can be the level
+STAYS: Final = 0.25
+LOWEST: Final = 0.01  # quantile of the positions of a particle, which the base is not above
 
 
-def _mean(level: Array, error: Array) -> float:
-    return float(np.average(level, weights=error**-2.0)) if level.size else float("nan")
+class Heights(NamedTuple):
+    """Heights that are on the base, with their errors, m; arrays of shape (height,)."""
+
+    particle: Indices
+    height: Array
+    error: Array
+
+    def take(self, chosen: Flags) -> Heights:
+        """Return the chosen heights."""
+        return Heights._make(values[chosen] for values in self)
+
+    def level(self, particle: int, quantile: float) -> tuple[float, float]:
+        """Weighted mean of the heights of a particle that agree with one near a quantile.
+
+        Returns it with its error; NaN without heights.
+        """
+        own = (self.particle == particle) & np.isfinite(self.height) & np.isfinite(self.error)
+        height, weight = self.height[own], self.error[own] ** -2.0
+        if not height.size:
+            return float("nan"), float("nan")
+        level = float(np.quantile(height, quantile, method="higher"))
+        for _ in range(LEVEL_ROUNDS):
+            near = np.abs(height - level) * np.sqrt(weight) < ON_BASE
+            if near.any():
+                level, chosen = float(np.average(height[near], weights=weight[near])), near
+        return level, float(weight[chosen].sum() ** -0.5)
 
 
-def _levels(contacts: Contacts, count: int) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Level (m) at which each particle bounces, its standard error, and whether bounces are equal.
+class Rest(NamedTuple):
+    """A base at rest."""
 
-    Level and error are NaN for a particle with too few bounces.
-    """
+    levels: Array  # height of the base below each particle, m
+    # level, error: mean height, and the standard error of a level, m
+    level: float
+    error: float
+    # True for a particle whose level is that of its stays; empty if the level is given
+    stays: Flags
+    oscillation: Oscillation = Oscillation(np.array([0.0, 0.0, 1.0]))
+
+
+def base_at_rest(samples: Samples, cut: Cut, known: float | None, exposure: float) -> Rest:
+    """Return the base at the height `known` (m), or at that of the contacts or stays of a cut."""
+    contacts, particles = cut.contacts, int(samples.particle[-1]) + 1
+    if known is not None:
+        return Rest(np.full(particles, known), known, 0.0, np.zeros(0, bool))
+    meetings, rests = _meetings(contacts), _rests(samples, cut, exposure)
+    level = low_points(samples, contacts.noise, None)[1]
+    base = Rest(np.full(particles, level), level, float("nan"), np.zeros(particles, bool))
+    base = _levels(base, meetings, rests, 0.5)
+    stays, count = base.stays, np.bincount(contacts.particle, None, particles)
+    # bounces too low to be seen rise above the base by less than the height of a flight
+    least = LEAST_HEIGHT * contacts.noise
+    for p in np.unique(rests.particle):
+        level, _ = rests.level(p, 1.0 - FROM_ABOVE)
+        below = np.quantile(samples.height[samples.particle == p], LOWEST)
+        often = np.sum(rests.particle == p) > STAYS * count[p]
+        met = meetings.level(p, FROM_ABOVE)[0] if count[p] else base.level
+        high = np.isnan(base.error) or level > met + least
+        stays[p] = often and high and level < below + least
+    return _levels(base, meetings, rests, 1.0 - FROM_ABOVE)
+
+
+def _meetings(contacts: Contacts) -> Heights:
+    """Heights at which flights meet."""
     met = meet(contacts.before, contacts.after, contacts.time, contacts.gravity)
-    spread = contacts.noise * np.sqrt(met.height_variance)
-    level, error = np.full((2, count), np.nan)
-    equal, closing = np.zeros(count, np.bool_), contacts.departure - contacts.arrival
-    for p in range(count):
-        chosen = contacts.particle == p
-        height, speed = contacts.height[chosen], closing[chosen]
-        level[p], error[p] = base_level(height, spread[chosen], np.nan)
-        speed = speed[np.abs(height - level[p]) < ON_BASE * spread[chosen]]
-        equal[p] = speed.size > 0 and speed.std() < DIFFERENT * speed.mean()
-    return level, error, equal
+    return Heights(contacts.particle, met.height, contacts.noise * np.sqrt(met.height_variance))
+
+
+def _rests(samples: Samples, cut: Cut, exposure: float) -> Heights:
+    """Mean heights of the samples between flights that differ by noise alone.
+
+    Those that last less than the `exposure` (s) are left out: they may contain a landing.
+    """
+    noise, fall = cut.contacts.noise, cut.contacts.gravity
+    fits = fit_parabolas(samples, cut.member, int(cut.member.max()) + 1, fall)
+    clear = clear_flights(samples, cut.member, fits, noise, fall)
+    flies = (cut.member >= 0) & clear[cut.member]
+    # runs of samples in flight or not
+    new = (np.diff(flies, prepend=False) != 0) | (np.diff(samples.piece, prepend=-1) != 0)
+    start, run = np.flatnonzero(new), np.cumsum(new) - 1
+    last = np.append(start[1:], run.size) - 1
+    count = last - start + 1
+    height = np.bincount(run, samples.height) / count
+    residue = np.bincount(run, (samples.height - height[run]) ** 2)
+    still = residue <= noise**2 * _chi_square(POOR, np.maximum(count - 1.0, 1.0))
+    still &= ~flies[start] & (samples.time[last] - samples.time[start] >= exposure)
+    still &= noise > 0.0  # heights that never change
+    return Heights(samples.particle[start], height, noise / np.sqrt(count)).take(still)
+
+
+def _refined(
+    base: Rest,
+    samples: Samples,
+    member: Indices,
+    owner: Indices,
+    joint: Junctions,
+    sound: Flags,
+    noise: float,
+) -> Rest:
+    """Return the base with levels from the `sound` junctions, or from samples in no flight."""
+    sound = sound | np.isnan(base.error)  # all of them if the level is only a guess
+    meetings = Heights(owner[joint.before], joint.height, joint.height_error)
+    rests = Heights(samples.particle, samples.height, np.full(member.size, noise))
+    return _levels(base, meetings.take(sound), rests.take(member < 0), 0.5)
+
+
+def _levels(base: Rest, meetings: Heights, rests: Heights, quantile: float) -> Rest:
+    """Levels from heights at which flights meet or, where there are stays, of `rests`.
+
+    They differ if their chi-square about the mean is as improbable as that of a poor flight; those
+    of particles without such heights stay as they are in `base`.
+    """
+    stays = base.stays
+    if not stays.size:
+        return base
+    found = [
+        rests.level(p, quantile) if stay else meetings.level(p, FROM_ABOVE)
+        for p, stay in enumerate(stays)
+    ]
+    level, error = np.array(found).T
+    known = np.isfinite(level)
+    if not known.any():
+        return base
+    weight = error[known] ** -2.0
+    mean = float(np.average(level[known], weights=weight))
+    chi_square = float(weight @ (level[known] - mean) ** 2)
+    if known.sum() > 1 and chi_square >= chdtri(known.sum() - 1.0, POOR):
+        levels = np.where(known, level, mean if np.isnan(base.error) else base.levels)
+        return Rest(levels, float(np.mean(levels)), float(np.mean(error[known])), stays)
+    return Rest(np.full(stays.size, mean), mean, float(weight.sum() ** -0.5), stays)
 
 
 # -----------------------------------------------------------------------------
@@ -426,30 +330,32 @@ def with_gravity(inputs: Inputs, samples: Samples, member: Indices, noise: float
 
 
 def flights_over(
-    samples: Samples, cut: Cut, base_fit: BaseFit, exposure: float, inputs: Inputs
+    samples: Samples, cut: Cut, base: BaseFit | Rest, exposure: float, inputs: Inputs
 ) -> Flights:
-    """Find the flights over a moving base from a first fit of its motion, and refine that fit.
+    """Find the flights over a base from a first estimate of its motion or level, and refine that.
 
     `exposure` is the exposure time (s), `inputs` are priors of flights and contacts.
     Raises a TrackError if there is no flight, or if too few contacts are left.
     """
     member, fall = cut.member, cut.contacts.gravity
-    free, trace = base_fit.problem.frequency is None, base_fit.problem.trace
-    noise = np.inf
+    noise, contact = np.inf, np.zeros(1)
     for turn in range(FIT_ROUNDS):
-        if inputs.gravity.error and turn:  # frames during contacts may have biased the first one
-            fall = base_fit.gravity[0]
+        if isinstance(base, BaseFit) and inputs.gravity.error and turn:
+            fall = base.gravity[0]  # frames during contacts may have biased the first one
             if not near_gravity(fall, inputs.gravity.value):
                 raise TrackError(UNDETERMINED)
-        levels = _levels_below(base_fit, samples)
-        below = levels[samples.particle] + base_fit.oscillation.height(samples.time)
+        levels = base.levels if isinstance(base, Rest) else _levels_below(base, samples)
+        below = levels[samples.particle] + base.oscillation.height(samples.time)
         fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
         noise = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
         member, fits = _keep_flights(samples, member, fits, below, noise, fall)
         start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
         piece, owner = samples.piece[start], samples.particle[start]
-        ends = _ends(samples, member, fits, levels[owner], base_fit, fall, cut.contacts.drag)
-        contact = base_fit.lasting(ends.fall, ends.down)
+        ends = _ends(
+            samples, member, fits, levels[owner], base.oscillation, fall, cut.contacts.drag
+        )
+        if isinstance(base, BaseFit):
+            contact = base.lasting(ends.fall, ends.down)
         junctions = join(fits, piece, ends, noise, fall, contact)
         if turn < FIT_ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
@@ -460,21 +366,29 @@ def flights_over(
         lifted = np.zeros(poor.size, bool)
         lifted[junctions.before[junctions.stayed] + 1] = True
         sound &= ~lifted[junctions.before]
+        if isinstance(base, Rest):
+            base = _refined(base, samples, member, owner, junctions, sound, noise)
+            continue
         contacts = contacts_between(samples, member, fits, junctions.before[sound], noise, fall)
         contacts = contacts._replace(drag=cut.contacts.drag)
         own = with_gravity(inputs, samples, np.where(poor[member], -1, member), noise)
-        base_fit = fit_base(
+        base = fit_base(
             contacts,
-            base_fit.oscillation.frequency,
-            free=free,
+            base.oscillation.frequency,
+            free=base.problem.frequency is None,
             moves=True,
-            trace=trace,
+            trace=base.problem.trace,
             inputs=own,
-            start=(base_fit.values[: base_fit.problem.parameters], levels),
+            start=(base.values[: base.problem.parameters], levels),
         )
-    of_levels = slice(-COUNT - base_fit.levels.size, -COUNT)
-    spread = base_fit.covariance[of_levels, of_levels]
     gravity = measured_gravity(samples, member, fits.top(fall) - levels[owner], noise, fall)
+    if isinstance(base, Rest):
+        base_fit, levels, level, error = None, base.levels, base.level, base.error
+    else:
+        of_levels = slice(-COUNT - base.levels.size, -COUNT)
+        spread = base.covariance[of_levels, of_levels]
+        base_fit, level = base, float(np.mean(base.levels))
+        error = float(np.sqrt(spread.sum())) / base.levels.size
     return Flights(
         fits,
         piece,
@@ -484,8 +398,8 @@ def flights_over(
         ends,
         junctions,
         levels,
-        float(np.mean(base_fit.levels)),
-        float(np.sqrt(spread.sum())) / base_fit.levels.size,
+        level,
+        error,
         noise,
         *gravity,
         fall,
@@ -511,8 +425,15 @@ def _keep_flights(
     clear = np.full(fits.number.size, -np.inf)
     used = (member >= 0) & np.isfinite(path)
     np.maximum.at(clear, member[used], (path - below)[used])
-    _, fits, member = keep_resolved(fits, clear > LEAST_HEIGHT * noise, member)
-    return member, fits
+    resolved = np.flatnonzero((clear > LEAST_HEIGHT * noise) & (fits.number >= LEAST_SAMPLES))
+    if not resolved.size:
+        raise TrackError(
+            "no flight rises out of the noise: check the heights, their axis, scale and base, or "
+            "film faster where flights last fewer than five frames"
+        )
+    number = np.full(clear.size + 1, -1)
+    number[resolved] = np.arange(resolved.size)
+    return number[member], fits.take(resolved)
 
 
 def _ends(
@@ -520,12 +441,11 @@ def _ends(
     member: Indices,
     fits: Fits,
     level: Array,
-    base_fit: BaseFit,
+    base: Oscillation,
     fall: float,
     drag: float,
 ) -> Ends:
     """Find the ends of each flight, outwards from its highest sample above the base."""
-    base = base_fit.oscillation
     used = member >= 0
     flight, when = member[used], samples.time[used]
     clear = samples.height[used] - level[flight] - base.height(when)
@@ -592,6 +512,62 @@ def _fit_law(problem: Problem, base_fit: BaseFit) -> FittedLaw:
     values, spread = with_speed(law, found.x[of_law], covariance[np.ix_(of_law, of_law)])
     return FittedLaw(
         law, values, spread, misfit, freedom, int(used.sum()), problem.distance(found.x)
+    )
+
+
+# -----------------------------------------------------------------------------
+# Tracks in wrong units or with the wrong axis: flights must fall with gravity.
+
+# Fraction of the height of a flight above which samples belong to it, wherever its ends are
+UPPER: Final = 0.25
+FIRST_SHARE: Final = 0.6  # factor on the first estimate of the noise, which may be too large
+
+
+def check_gravity(samples: Samples, gravity: float, base: float | None) -> None:
+    """Raise a TrackError if the highest flights fall upwards, or not with gravity."""
+    found, error = _rough_gravity(samples, base)
+    if not _shows_gravity(found, error, gravity):
+        turned = replace(samples, height=-samples.height)
+        falls, scatter = _rough_gravity(turned, None if base is None else -base)
+        if _shows_gravity(falls, scatter, gravity):
+            raise TrackError(
+                f"heights grow downwards: with the axis turned, the particles fall with "
+                f"{falls:.3g} m s-2, and gravity is {gravity:g} m s-2; turn the axis"
+            )
+    require_gravity(found, error, gravity)
+
+
+def _shows_gravity(acceleration: float, error: float, gravity: float) -> bool:
+    """Return whether an acceleration is near gravity, and its error too small for chance."""
+    return near_gravity(acceleration, gravity) and SCALE_OFF * error < WRONG_SCALE * gravity
+
+
+def _rough_gravity(samples: Samples, base: float | None) -> tuple[float, float]:
+    """Acceleration of the highest flights, cut at low points, and its standard error, m s-2."""
+    noise = rough_noise(samples)
+    low, base = low_points(samples, FIRST_SHARE * noise, base)
+    edges = np.unique(np.concatenate([samples.bounds[:-1], low]))
+    tops = np.maximum.reduceat(samples.height, edges)
+    flight = np.searchsorted(edges, np.arange(samples.time.size), side="right") - 1
+    high = high_flights(tops - base, noise)[flight]
+    upper = high & (samples.height - base > UPPER * (tops[flight] - base))
+    upper[low] = False
+    # only the stretch around the highest sample, because a stay elsewhere may be equally high
+    stretch = np.cumsum(np.diff(np.where(upper, flight, -1), prepend=-2) != 0)
+    at_top = upper & np.isin(stretch, stretch[samples.height == tops[flight]])
+    return apparent_gravity(samples, np.where(at_top, flight, -1), tops.size)
+
+
+def require_gravity(found: float, error: float, gravity: float) -> None:
+    """Raise a TrackError if flights fall with an acceleration (m s-2) far from gravity."""
+    # both are NaN, and raise no error, if no flight has enough frames to determine its curvature
+    if not abs(found - gravity) > max(WRONG_SCALE * gravity, SCALE_OFF * error):
+        return
+    units = f"multiply the scale by about {gravity / found:.2g}, or " if found > 0.0 else ""
+    raise TrackError(
+        f"the particles fall with {found:.3g} m s-2 instead of {gravity:g} m s-2: {units}turn the "
+        f"axis, or correct the frame rate, or film faster where flights last fewer than five "
+        f"frames; particles that hardly leave the base do not show gravity"
     )
 
 
@@ -677,29 +653,27 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
 def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, str]:
     """Find the flights over the given base or the one favoured by contacts; return its name too."""
     level = setup.motion == "level" or (setup.motion == "detect" and setup.base is not None)
-    level = level and setup.trace is None
-    if level and setup.base is not None:
-        return find_flights(samples, gravity, setup.base, setup.exposure), "level"
+    if level and setup.trace is None:
+        return _over_rest(samples, gravity, setup), "level"
     fall, favoured, problem = gravity, "level", TrackError(UNDETERMINED)
     instant = Inputs(Input(gravity))
     inputs = setup.inputs or (instant, instant.lasting())
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
-        if inputs[0].gravity.error and not level:
+        if inputs[0].gravity.error:
             own = with_gravity(inputs[0], samples, cut.member, cut.contacts.noise)
             fall = own.gravity.value
             cut = find_contacts(samples, fall)
         flying, drag = samples, inputs[0].drag.value
-        if drag and not level:  # it would bend long flights into two
+        if drag:  # it would bend long flights into two
             flying = without_drag(samples, cut.member, fall, drag)
             cut = find_contacts(flying, fall)
             cut = cut._replace(contacts=cut.contacts._replace(drag=drag))
         found, error, assumed, over = cut.fall, cut.error, fall, None
-        if not level:
-            try:
-                favoured, over = _over_moving(flying, cut, setup, inputs)
-            except TrackError as reason:
-                favoured, problem = "undetermined", reason
+        try:
+            favoured, over = _over_moving(flying, cut, setup, inputs)
+        except TrackError as reason:
+            favoured, problem = "undetermined", reason
         if over is not None and over.base_fit is not None:
             found, error = over.gravity, over.gravity_error
             assumed, spread = over.base_fit.gravity
@@ -724,9 +698,28 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
             f"over a base that moves, flights fall with {found:.4g} ± {error:.2g} m s-2, but were "
             f"fitted with {assumed:.4g} m s-2: check the scale, the frame rate and the frequency"
         )
-    if not level and (setup.motion == "moving" or setup.trace is not None):
+    if setup.motion == "moving" or setup.trace is not None:
         raise problem
-    return flights_on_levels(samples, cut.contacts, gravity, setup.exposure), favoured
+    return _over_rest(samples, gravity, setup), favoured
+
+
+def _over_rest(samples: Samples, gravity: float, setup: Setup) -> Flights:
+    """Find the flights over a base at rest, with the acceleration that they have."""
+    fall = gravity
+    for _ in range(SCALES):
+        cut = find_contacts(samples, fall)
+        base = base_at_rest(samples, cut, setup.base, setup.exposure)
+        flights = flights_over(samples, cut, base, setup.exposure, Inputs(Input(fall)))
+        found, error = flights.gravity, flights.gravity_error
+        if not contradicts(found, error, fall):
+            return flights
+        require_gravity(found, error, gravity)
+        fall = found  # parabolas with the wrong curvature would miss the landings
+    raise TrackError(
+        f"flights fall with {found:.4g} ± {error:.2g} m s-2 when fitted with "
+        f"{flights.curvature:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale fits all "
+        f"of them; check the heights, or film faster or closer"
+    )
 
 
 def _over_moving(

@@ -80,6 +80,17 @@ def rough_noise(samples: Samples) -> float:
     return float(np.quantile(third, 0.25)) / (0.3186 * np.sqrt(20.0)) if third.size else 0.0
 
 
+def moving_noise(samples: Samples) -> float:
+    """Estimate the noise of a position in m from third differences where the particle moves.
+
+    A particle at rest is tracked more accurately than a moving one.
+    """
+    third = np.abs(np.diff(samples.height, 3))
+    moved = np.abs(samples.height[3:] - samples.height[:-3])
+    moving = third[moved >= MOVES * np.quantile(moved, 0.9)] if third.size else third
+    return float(1.4826 * np.median(moving) / np.sqrt(20.0)) if moving.size else 0.0
+
+
 def low_points(samples: Samples, noise: float, base: float | None) -> tuple[Indices, float]:
     """Find the lowest samples between flights, and the height of the base in m.
 
@@ -141,7 +152,7 @@ class Fits(NamedTuple):
         """Height of each apex, m."""
         return self.level + self.slope**2 / (2.0 * gravity)
 
-    def height(self, time: Array, gravity: float) -> Array:
+    def height(self, time: Array, gravity: Array | float) -> Array:
         """Height of each flight at one time each, m."""
         since = time - self.centre
         return self.level + since * (self.slope - 0.5 * gravity * since)
@@ -151,8 +162,8 @@ class Fits(NamedTuple):
         return Fits._make(values[chosen] for values in self)
 
 
-def fit_parabolas(samples: Samples, flight: Indices, flights: int, gravity: float) -> Fits:
-    """Fit a parabola of known curvature (m s-2) to each flight.
+def fit_parabolas(samples: Samples, flight: Indices, flights: int, gravity: Array | float) -> Fits:
+    """Fit a parabola of known curvature (m s-2), the same or one each, to each flight.
 
     `flight` is the index of the flight of each sample, -1 for none.
     """
@@ -166,7 +177,8 @@ def fit_parabolas(samples: Samples, flight: Indices, flights: int, gravity: floa
         count = total(np.ones(owner.size))
         centre = total(time) / count
         since = time - centre[owner]
-        straight = samples.height[used] + 0.5 * gravity * since**2
+        fall = np.broadcast_to(gravity, flights)[owner]
+        straight = samples.height[used] + 0.5 * fall * since**2
         spread = total(since**2)
         level = total(straight) / count
         slope = total(since * straight) / spread
@@ -301,14 +313,6 @@ class Ends(NamedTuple):
     fall: Array
 
 
-def crossings(fits: Fits, base: float, gravity: float) -> Ends:
-    """Ends of flights on a base at a constant height."""
-    with np.errstate(invalid="ignore"):
-        speed = np.sqrt(fits.slope**2 + 2.0 * gravity * (fits.level - base))
-    rise = fits.centre + (fits.slope - speed) / gravity
-    return Ends(rise, fits.centre + (fits.slope + speed) / gravity, speed, speed)
-
-
 class Meetings(NamedTuple):
     """Intersections of flights; arrays of shape (meeting,)."""
 
@@ -345,14 +349,19 @@ def meet(before: Fits, after: Fits, near: Array, gravity: float) -> Meetings:
 # The function y + g t^2 / 2 of a particle is a straight line in flight, bends upwards on the base
 # and has a kink at a bounce.  The partition into straight lines that minimises chi-square plus a
 # fixed penalty for each line is found exactly (optimal partitioning, Jackson et al. 2005, IEEE
-# Signal Process. Lett. 12, 105).
+# Signal Process. Lett. 12, 105).  If g is not known, y is cut into parabolas.
 
-# Penalty of a line in units of chi-square; noise then adds one cut in hundreds of flights
+# Penalty of a piece in units of chi-square; noise then adds one cut in hundreds of flights
 PRICE: Final = 25.0
-# Standard deviations by which the chi-square of a line may exceed its mean
+# Standard deviations by which the chi-square of a piece may exceed its mean
 BENT: Final = 6.0
+# Price of a sample that a parabola of unknown curvature takes from a flight without being tested
+UNJUDGED: Final = 10.0
 NOISE_ROUNDS: Final = 3
+# Least noise, in units of the range of heights: rounding errors of the sums over a piece
+ROUNDED: Final = 1e-6
 LOWEST: Final = 0.25  # quantile of the residuals of stretches from which the noise is estimated
+MOVES: Final = 0.1  # share of the displacements of a moving particle that one at rest stays below
 # Standard errors by which the acceleration of a flight may differ from gravity, and by which
 # gravity must differ from zero, the acceleration of a stay on a base at rest
 FALLS: Final = 3.5
@@ -361,30 +370,50 @@ SEEN: Final = 5.0
 
 @kernel
 def _partition(
-    time: Floats, height: Floats, variance: float, gravity: float, starts: Flags
+    time: Floats,
+    height: Floats,
+    variance: float,
+    gravity: float,
+    terms: int,
+    unjudged: float,
+    starts: Flags,
 ) -> None:
-    """Mark the samples at which the lines of the best partition begin."""
-    begin = np.empty(time.size, np.int64)  # start of the last line up to each sample
+    """Mark the samples at which the polynomials of the best partition begin.
+
+    They have so many `terms` beyond the parabola of free fall.  The samples of a piece that has no
+    more of them than terms cost `unjudged` each, except the first.
+    """
+    begin = np.empty(time.size, np.int64)  # start of the last piece up to each sample
     cost = np.full(time.size + 1, np.inf)
     cost[0] = 0.0
+    row, table = np.empty(terms + 1), np.empty((terms, terms + 1))
     for last in range(time.size):
-        # the sums are over a line extended backwards, which avoids cancellation of large numbers
-        count, mean_t, mean_z, tt, tz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        # least squares by Givens rotations, extended backwards from the last sample
+        table[:] = 0.0
+        count, residue = 0.0, 0.0
         for first in range(last, -1, -1):
             since = time[first] - time[last]
-            z = height[first] - height[last] + 0.5 * gravity * since * since
+            row[0] = 1.0
+            for k in range(1, terms):
+                row[k] = since * row[k - 1]
+            row[terms] = height[first] - height[last] + 0.5 * gravity * since * since
+            for k in range(terms):
+                size = math.hypot(table[k, k], row[k])
+                if size == 0.0:
+                    continue
+                cosine, sine = table[k, k] / size, row[k] / size
+                for j in range(k, terms + 1):
+                    above, below = table[k, j], row[j]
+                    table[k, j] = cosine * above + sine * below
+                    row[j] = cosine * below - sine * above
             count += 1.0
-            off_t, off_z = since - mean_t, z - mean_z
-            mean_t += off_t / count
-            mean_z += off_z / count
-            tt += off_t * (since - mean_t)
-            tz += off_t * (z - mean_z)
-            zz += off_z * (z - mean_z)
-            free = count - 2.0
-            residue = max(zz - tz * tz / tt, 0.0) / variance if free > 0.0 else 0.0
-            if free > 0.0 and residue > free + BENT * math.sqrt(2.0 * free) + PRICE:
-                break
-            total = cost[first] + residue + PRICE
+            free = count - terms
+            if free > 0.0:
+                residue += row[terms] ** 2 / variance
+                if residue > free + BENT * math.sqrt(2.0 * free) + PRICE:
+                    break
+            own = residue if free > 0.0 else unjudged * (count - 1.0)
+            total = cost[first] + own + PRICE
             if total < cost[last + 1]:
                 cost[last + 1] = total
                 begin[last] = first
@@ -394,30 +423,38 @@ def _partition(
         starts[k] = True
 
 
-def stretches(samples: Samples, gravity: float) -> tuple[Indices, float]:
-    """Cut each piece of track into lines.
+def stretches(samples: Samples, gravity: float | None) -> tuple[Indices, float]:
+    """Cut each piece of track into parabolas, whose curvature is gravity if this is known.
 
     Returns the index of the stretch of each sample, increasing, and the standard deviation of a
-    sample in m, from the residuals of the lines.
+    sample in m, from the residuals of the parabolas.
     """
-    noise = max(rough_noise(samples), 1e-9 * float(np.ptp(samples.height)))
+    fall, terms, unjudged = (0.0, 3, UNJUDGED) if gravity is None else (gravity, 2, 0.0)
+    least = ROUNDED * float(np.ptp(samples.height))
+    noise = max(rough_noise(samples) if gravity else moving_noise(samples), least)
     member = np.zeros(samples.time.size, np.intp)
     for _ in range(NOISE_ROUNDS):
         starts = np.zeros(samples.time.size, bool)
         for begin, end in pairwise(samples.bounds):
             piece = slice(begin, end)
             time, height = samples.time[piece], samples.height[piece]
-            _partition(time, height, noise**2, gravity, starts[piece])
+            _partition(time, height, noise**2, fall, terms, unjudged, starts[piece])
         member = np.cumsum(starts) - 1
-        fits = fit_parabolas(samples, member, int(member[-1]) + 1, gravity)
-        free = fits.number - 2.0
+        count = int(member[-1]) + 1
+        curvature, weight = curvatures(samples, member, count)
+        own = np.where(weight > 0.0, curvature, 0.0) if gravity is None else fall
+        fits = fit_parabolas(samples, member, count, own)
+        free = fits.number - terms
         long = free > 1.0
+        if gravity is None:  # a particle at rest is tracked more accurately than a moving one
+            moves = np.abs(own) * np.sqrt(weight) > SEEN * noise
+            long = long & moves if (long & moves).any() else long
         if not long.any():
             break
-        # a low quantile, because stretches that are not lines have large residuals
+        # a low quantile, because stretches that are not parabolas have large residuals
         ratio = fits.residue[long] / chdtri(free[long], 1.0 - LOWEST)
         found = math.sqrt(float(np.quantile(ratio, LOWEST)))
-        noise = max(found, 1e-9 * float(np.ptp(samples.height)))
+        noise = max(found, least)
     return member, noise
 
 
@@ -440,13 +477,6 @@ def clear_flights(
 
 # Time between two flights on the base, in standard errors, above which it is a stay
 MISSED: Final = 4.0
-# Distance from the base, in standard errors, within which flights meet on it
-ON_BASE: Final = 4.0
-# Quantile of the heights at which flights meet, the first estimate of the height of the base; it is
-# high because parabolas separated by a stay meet below the base
-FROM_ABOVE: Final = 0.8
-FEWEST_MEETINGS: Final = 3
-BASE_ROUNDS: Final = 5
 
 
 class Junctions(NamedTuple):
@@ -515,23 +545,3 @@ def join(
         met.height,
         noise * np.sqrt(met.height_variance),
     )
-
-
-def base_level(height: Array, error: Array, fallback: float) -> tuple[float, float]:
-    """Height of the base in m, and its standard error.
-
-    It is the weighted mean of the heights at which flights meet on the base, or the `fallback` with
-    the error NaN if too few do.  `error` holds the standard errors of the heights.
-    """
-    sound = np.isfinite(height) & np.isfinite(error)
-    height, error = height[sound], error[sound]
-    if height.size < FEWEST_MEETINGS:
-        return fallback, float("nan")
-    level = float(np.quantile(height, FROM_ABOVE))
-    for _ in range(BASE_ROUNDS):
-        near = np.abs(height - level) < ON_BASE * error
-        if near.sum() < FEWEST_MEETINGS:
-            return fallback, float("nan")
-        weight = error[near] ** -2.0
-        level = float(weight @ height[near] / weight.sum())
-    return level, float(weight.sum() ** -0.5)
