@@ -295,3 +295,15 @@ def test_the_base_command_prints_keys_of_a_sweep_file(tmp_path, capsys, shape):
     (numbers,) = json.loads(capsys.readouterr().out)["traces"]
     assert numbers["base_displacement"] == pytest.approx(np.ptp(height) / 2.0, abs=5e-6)
     assert numbers["units"][:3] == ["m s-1", "rad", "Hz"]
+
+
+def test_a_trace_has_the_true_scale_where_that_of_the_film_is_off(film, measured):
+    """The scale is off by 0.4 %, nine errors of the motion."""
+    tracks = film[1].tracks.copy()
+    tracks["height"] = 1.004 * tracks["height"]
+    given = {"trace": measured, "gravity": (9.71, 9.91)}
+    found = estimate(find_impacts(tracks, **given))
+    for name, true in TRUTH.items():
+        own = found.sel(parameter=name)
+        assert abs(own["estimate"] - true) < 4.0 * own["error"], name
+    assert found.sel(parameter="amplitude")["error"] < 5e-4 * TRUTH["amplitude"]

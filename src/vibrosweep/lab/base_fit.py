@@ -349,6 +349,8 @@ class Trace(NamedTuple):
     covariance: Array
     numbers: tuple[int, ...] = (1,)
     origin: float = 0.0  # time in s, on the clock of the trace, at which t = 0
+    # gravity where it was recorded, m s-2; NaN if it has the scale of the film, as a mark has
+    gravity: float = np.nan
 
     def since(self, origin: float) -> Trace:
         """Shift the time origin; the error of the frequency propagates to the phases."""
@@ -364,7 +366,14 @@ class Trace(NamedTuple):
             values[row] = s, c = turn @ self.values[row]
             change[np.ix_(row, row)] = turn
             change[row, 2] = -rate * c, rate * s
-        return Trace(values, change @ self.covariance @ change.T, self.numbers, origin)
+        covariance = change @ self.covariance @ change.T
+        return self._replace(values=values, covariance=covariance, origin=origin)
+
+    def filmed(self, gravity: float) -> Array:
+        """Values in the scale of a film with this apparent gravity (m s-2)."""
+        scale = np.full(self.values.size, 1.0 if np.isnan(self.gravity) else gravity / self.gravity)
+        scale[2] = 1.0
+        return scale * self.values
 
 
 class BaseFit(NamedTuple):
@@ -618,7 +627,7 @@ class Problem(NamedTuple):
         if self.trace is not None:
             root = np.linalg.inv(np.linalg.cholesky(self.trace.covariance))
             motion = values[1 : self.parameters]
-            off = root @ (motion - self.trace.values)
+            off = root @ (motion - self.trace.filmed(self.inputs_of(values)[0]))
             parts.append(np.zeros((off.size, levels)) if slopes else off)
         return np.concatenate(parts)
 
