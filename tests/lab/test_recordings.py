@@ -227,6 +227,31 @@ def test_long_tables_of_times_and_ambiguous_columns(tmp_path):
         read(tmp_path, text, column="last")
 
 
+def test_lists_of_times_of_any_shape(tmp_path):
+    times, others = np.array([0.5, 1.2, 1.7, 2.05]), np.array([0.6, 1.4, 2.0])
+    for text, column in (
+        ("0.5,1.2,1.7,2.05\n", None),  # in a row
+        ('"Start (s)","Stop 1 (s)","Stop 2 (s)","Stop 3 (s)"\n0.5,1.2,1.7,2.05\n', None),
+        ("1,0.5\n2,1.2\n3,1.7\n4,2.05\n", "column 2"),  # without a heading
+        ("0.5\t0.5\tbounce\n1.2\t1.2\tbounce\n1.7\t1.7\t\n2.05\t2.05\t\n", "column 1"),
+    ):
+        (found,) = read(tmp_path, text, column=column)
+        np.testing.assert_allclose(found.time, times)
+    for text in ("drop 1,drop 2\n0.5,0.6\n1.2,1.4\n1.7,2.0\n2.05,\n",):
+        one, two = read(tmp_path, text)
+        np.testing.assert_allclose(one.time, times)
+        np.testing.assert_allclose(two.time, others)
+    with pytest.raises(TrackError, match=r"may be chosen by its name \(column=, --column\)"):
+        read(tmp_path, "1,0.5\n2,1.2\n3,1.7\n")
+
+
+@pytest.mark.parametrize("name", ["Interval (s)", "dt", "flight time (s)", "Intervall [s]"])
+def test_intervals_between_impacts(tmp_path, name):
+    one, two = read(tmp_path, f"{name}\n0.7\n0.5\n0.35\n\n0.8\n0.6\n")
+    np.testing.assert_allclose(np.diff(one.time), [0.7, 0.5, 0.35])
+    np.testing.assert_allclose(np.diff(two.time), [0.8, 0.6])
+
+
 def test_drops_under_each_other(tmp_path):
     for between in ("", "times", "second drop"):
         found = read(tmp_path, f"times\n0.1\n0.9\n1.4\n{between}\n0.2\n1.0\n1.5\n")

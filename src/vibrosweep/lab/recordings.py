@@ -160,7 +160,7 @@ def _lost_positions(height: Array, value: float) -> Flags:
 
 FORMATS: Final = (
     "give a column of times and one of heights, such as time and height, or t and y; frames with "
-    "x and y; or times of impacts"
+    "x and y; or times of impacts, whose column may be chosen by its name (column=, --column)"
 )
 
 
@@ -177,14 +177,18 @@ class Columns:
 def chosen_headings(table: Cells, how: Reading) -> list[Heading]:
     """Return the headings of a table; a chosen column is the only one with heights or times."""
     headings = list(table.headings)
-    if len(headings) == 1 and not headings[0].role and table.wordless(0):
-        headings[0] = replace(headings[0], role="time")
+    nameless = [not h.role and h.text != f"column {k}" for k, h in enumerate(headings, start=1)]
+    wordless = all(map(table.wordless, range(len(headings))))
+    if (all(nameless) or len(headings) == 1) and wordless and _are_side_by_side(headings):
+        # names that say nothing, such as drop 1, drop 2
+        headings = [replace(h, role=h.role or "time") for h in headings]
     if how.column is None:
         return headings
     wanted = [k for k, h in enumerate(headings) if h.means(how.column)]
     if not wanted:
         return [replace(h, role="") for h in headings]
-    impacts = any(headings[k].role == "time" for k in wanted)
+    clocks = [k for k, h in enumerate(headings) if h.role in ("time", "frame")]
+    impacts = not clocks or any(headings[k].role == "time" for k in wanted)
     drop = ("height", "depth", "time") if impacts else ("height", "depth")
     roles = [("" if h.role in drop else h.role) for h in headings]
     for k in wanted:
@@ -196,14 +200,14 @@ def series_of_columns(table: Cells, headings: list[Heading]) -> list[Columns]:
     """Find the columns of each recording."""
     places = {
         role: [k for k, h in enumerate(headings) if h.role == role and _has_values(table, k)]
-        for role in ("time", "frame", "height", "depth", "horizontal")
+        for role in ("time", "frame", "height", "depth", "horizontal", "interval")
     }
     times = places["time"] or places["frame"]
     heights = places["height"] or places["depth"] or _lengths(table, headings)
     if not heights:
         # a trace of the base, or a track without heights
         other = any(h.role in ("acceleration", "horizontal", "frame") for h in headings)
-        times = [] if other else places["time"]
+        times = [] if other else places["time"] or places["interval"]
         if len(times) > 1 and not _are_side_by_side([headings[k] for k in times]):
             raise _ambiguous(table, [headings[k] for k in times], "times of impacts")
         return [
@@ -532,6 +536,7 @@ def _tabled(content: bytes, source: str, how: Reading) -> list[Recording]:
 
 def recordings_of(table: Cells, how: Reading) -> Iterator[Recording]:
     """Yield the recordings of a table; none for other kinds of tables."""
+    table = _upright(table)
     headings = chosen_headings(table, how)
     series = series_of_columns(table, headings)
     owners = [
@@ -550,6 +555,17 @@ def recordings_of(table: Cells, how: Reading) -> Iterator[Recording]:
         for name in dict.fromkeys(owner.tolist()):
             rows = np.flatnonzero(owner == name)
             yield from _recording(table, headings, one, clock, rows, how, str(name))
+
+
+def _upright(table: Cells) -> Cells:
+    """Return a list of times that stands in one row as a column."""
+    columns = range(len(table.headings))
+    bare = all(h.role in ("", "time") for h in table.headings) and all(map(table.wordless, columns))
+    if not (bare and len(table.rows) == 1 and len(columns) > 2):
+        return table
+    rows, lines = [[cell] for cell in table.rows[0]], table.lines * len(columns)
+    unit = table.headings[0].unit
+    return replace(table, headings=(heading("time", unit),), rows=rows, lines=lines)
 
 
 # Times of the rows of a table in s, or in frames if their rate is not known; whether it is known;
@@ -610,6 +626,8 @@ def _recording(
     if one.height is None:
         seen = np.isfinite(time)
         time, rows = time[seen], rows[seen]
+        if headings[one.time].role == "interval":
+            time, rows = _impacts_between(table, time, rows)
         time = _with_last_impact(table, headings, one.time, time, rows)
         falls = np.flatnonzero(np.diff(time) <= 0.0) + 1
         for k in falls[falls < rows.size]:
@@ -652,6 +670,18 @@ def _recording(
         pixels=head.unit.lower() in PIXELS or _numbered(headings),
     )
     yield convert(track, head, how)
+
+
+def _impacts_between(
+    table: Cells, intervals: Array, rows: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.intp]]:
+    """Return the times of the impacts that bound intervals, from 0 in each drop, and their rows."""
+    drops = np.split(np.arange(rows.size), np.searchsorted(rows, table.breaks))
+    parts = [drop for drop in drops if drop.size]
+    times = [np.append(0.0, np.cumsum(intervals[part])) for part in parts]
+    # the first impact stands in the row of the first interval
+    places = [np.append(rows[part[0]], rows[part]) for part in parts]
+    return np.concatenate([[], *times]), np.concatenate([np.empty(0, np.intp), *places])
 
 
 def _with_last_impact(
@@ -750,6 +780,7 @@ def read_tracks(
     ...     vs.lab.read_tracks(f"{folder}/track.csv").height.dims
     ('frame', 'particle')
     """
+    require_name("base_track", base_track)
     files = files_of(paths)
     how = Reading(scale, frame_rate, axis, column, particle, sheet, base)
     found = [read_file(path, how) for path in files]

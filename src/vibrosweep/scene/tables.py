@@ -311,7 +311,8 @@ _NAMES: Final = {
     "yposition posy ypos ycoordinate elevation",
     "depth": "z positionz zposition posz zpos",
     "horizontal": "x positionx xposition posx xpos xcoordinate",
-    "interval": "interval intervals dt deltat",
+    "interval": "interval intervals dt deltat intervall intervalle intervallo flighttime "
+    "flighttimes timeofflight flugzeit",
     "acceleration": "a acc accel acceleration accelerations beschleunigung",
     "particle": "particle particleid track trackid ball object",
     "recording": "recording run drop trial film video file experiment series case throw group "
