@@ -203,6 +203,15 @@ def test_a_drop_height_in_another_unit_is_refused(wrong):
     assert abs(off(restitution(lists, drop_height=0.8), 0.85)) < 3.5
 
 
+def test_a_list_of_clicks_that_are_mostly_false_is_left_out():
+    rng = np.random.default_rng(4)
+    true = hear_drops(FloorExperiment(restitution=0.7), 2, seed=3)[0]
+    noise = replace(clicks(np.sort(rng.uniform(0.0, 2.0, 12))), name="noise")
+    found = restitution([*true, noise])
+    assert "noise" not in found["drop"].values
+    assert "too many to tell impacts apart: left out" in found.attrs["remarks"]
+
+
 def test_times_without_their_unit_are_refused_where_no_ball_flies_for_so_long():
     lists = hear_drops(FloorExperiment(), 1, seed=3)[0]
     with pytest.raises(TrackError, match=r"if the times are in ms, write their unit"):

@@ -36,6 +36,7 @@ EVENT: Final = 12.0
 BREAK: Final = 30.0  # cost of starting another drop in the same list
 LEAST_SPREAD: Final = 0.02  # of the logarithm of a ratio
 FARTHEST: Final = 4  # largest number of successive false clicks, plus 1
+MOST_EVENTS: Final = 0.4  # largest share of missed and false clicks
 OTHER: Final = 1.6  # ratio of e after the fall to that of other bounces that no ball has
 MISSED: Final = 2  # largest number of successive missed clicks
 ROUNDS: Final = 4
@@ -170,6 +171,9 @@ def bounces_of_clicks(
         events = [f"{m} {w}" for m, w in ((missed, "missed"), (n - read, "false")) if m]
         if events:
             remarks.append(f"{recording.name}: {' and '.join(events)} of {n} clicks")
+        if missed + n - read > MOST_EVENTS * n:
+            remarks[-1] += ", too many to tell impacts apart: left out"
+            continue
         for number, drop in enumerate(drops, start=1):
             name = recording.name if len(drops) == 1 else f"{recording.name} ({number})"
             start = inputs.drop_height is not None and not drop[0].missed

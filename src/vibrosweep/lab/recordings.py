@@ -369,10 +369,17 @@ def _moving_tracks(
 # -----------------------------------------------------------------------------
 # Clicks of impacts in a sound file.
 
-APART: Final = 0.02  # s, shortest time between two clicks
-RISE: Final = 10.0  # dB, height of a click above the noise, and its prominence
-WINDOW: Final = 5e-4  # s, averaging time of the loudness
-ONSET: Final = 0.2  # fraction of the loudness of a click at its onset
+BAND: Final = (300.0, 8000.0)  # Hz; hum and most of the noise lie outside
+WINDOW: Final = 1e-3  # s, averaging time of the loudness
+APART: Final = 0.05  # s, shortest time between two clicks
+BEAT: Final = 3e-3  # s, longest dip inside a click, as where an echo interferes
+ATTACK: Final = 0.025  # s, longest time from the onset of a click to its peak
+RISE: Final = 10.0  # dB, height of a click above the noise
+DIP: Final = 6.0  # dB, rise of a click above what precedes it
+QUIETEST: Final = -60.0  # dB relative to the loudest click
+# Echoes: dB below a click, and dB per s by which they fade; a reverberation of 0.5 s
+ECHO: Final = (6.0, 120.0)
+ONSET: Final = 0.3  # fraction of the loudness of a click at its onset
 
 
 def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
@@ -381,8 +388,8 @@ def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
     Raises a ValueError if the file cannot be read or has fewer than two clicks.
     """
     from scipy.io import wavfile
-    from scipy.ndimage import uniform_filter1d
-    from scipy.signal import find_peaks
+    from scipy.ndimage import binary_opening, uniform_filter1d
+    from scipy.signal import butter, find_peaks, sosfilt
 
     try:
         with warnings.catch_warnings():
@@ -393,21 +400,30 @@ def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
     if not (samples.size and rate > 0):
         raise ValueError(f"{source}: is a WAV file without a sound")
     sound = np.asarray(samples, np.float64).reshape(len(samples), -1).mean(axis=1)
-    # differences, because hum and voices have lower frequencies than clicks
-    width = max(int(WINDOW * rate), 1)
-    change = np.abs(np.diff(sound, prepend=sound[:1]))
-    loudness = uniform_filter1d(change, width)
-    noise = max(float(np.median(loudness)), 1e-12 * float(loudness.max(initial=0.0)), 1e-300)
+    if rate > 4.0 * BAND[0]:
+        band = (BAND[0], min(BAND[1], 0.45 * rate))
+        sound = sosfilt(butter(2, band, "bandpass", fs=rate, output="sos"), sound)
+    loudness = uniform_filter1d(np.abs(sound), max(int(WINDOW * rate), 1))
+    loudest = float(loudness.max(initial=0.0))
+    noise = max(float(np.median(loudness)), 10.0 ** (QUIETEST / 20.0) * loudest, 1e-300)
     level = 20.0 * np.log10(np.maximum(loudness, noise) / noise)
-    places, _ = find_peaks(level, height=RISE, prominence=RISE, distance=max(int(APART * rate), 1))
-    if len(places) < 2:
-        raise ValueError(f"{source}: holds {len(places)} clicks; at least two are needed")
-    onsets = []
+    places, _ = find_peaks(level, height=RISE, prominence=DIP)
+    onsets: list[int] = []
+    clicks: list[int] = []
+    faded = -np.inf  # level of the echoes of the last click, extrapolated to the beginning
     for place in places:
-        begin = max(place - int(APART * rate) // 2, 0)
-        loud = np.flatnonzero(loudness[begin : place + 1] >= ONSET * loudness[place])
-        onsets.append(begin + loud[0])
-    return np.array(onsets) / rate, loudness[places], 1.0 / rate
+        ready = onsets[-1] + int(APART * rate) if onsets else 0
+        if place < ready or level[place] < faded - ECHO[1] * place / rate:
+            continue
+        clicks.append(place)
+        faded = level[place] - ECHO[0] + ECHO[1] * place / rate
+        begin = max(place - int(ATTACK * rate), ready)
+        below = loudness[begin:place] < noise + ONSET * (loudness[place] - noise)
+        quiet = np.flatnonzero(binary_opening(below, np.ones(int(BEAT * rate) + 1)))
+        onsets.append(begin + (int(quiet[-1]) + 1 if quiet.size else 0))
+    if len(onsets) < 2:
+        raise ValueError(f"{source}: holds {len(onsets)} clicks; at least two are needed")
+    return np.array(onsets) / rate, loudness[clicks], 1.0 / rate
 
 
 # -----------------------------------------------------------------------------
