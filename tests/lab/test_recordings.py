@@ -237,6 +237,8 @@ def test_lists_of_times_of_any_shape(tmp_path):
     ):
         (found,) = read(tmp_path, text, column=column)
         np.testing.assert_allclose(found.time, times)
+    labelled = read(tmp_path, "Versuch;Zeit [ms]\na;500,0\na;1200,0\nb;100,0\nb;900,0\n")
+    assert [r.label for r in labelled] == ["a", "b"]
     for text in ("drop 1,drop 2\n0.5,0.6\n1.2,1.4\n1.7,2.0\n2.05,\n",):
         one, two = read(tmp_path, text)
         np.testing.assert_allclose(one.time, times)

@@ -314,9 +314,9 @@ _NAMES: Final = {
     "interval": "interval intervals dt deltat intervall intervalle intervallo flighttime "
     "flighttimes timeofflight flugzeit",
     "acceleration": "a acc accel acceleration accelerations beschleunigung",
-    "particle": "particle particleid track trackid ball object",
+    "particle": "particle particleid track trackid ball object kugel balle bille",
     "recording": "recording run drop trial film video file experiment series case throw group "
-    "measurement",
+    "measurement versuch messung durchgang essai mesure lancio prova ensayo",
 }
 _ROLES: Final = {name: role for role, names in _NAMES.items() for name in names.split()}
 _SECONDS: Final = {
