@@ -212,6 +212,15 @@ def test_a_list_of_clicks_that_are_mostly_false_is_left_out():
     assert "too many to tell impacts apart: left out" in found.attrs["remarks"]
 
 
+def test_a_film_that_contradicts_gravity_says_that_a_unit_is_wrong():
+    film = film_drops(FloorExperiment(bounces=3), seed=1)[0][0]
+    assert "correct the unit" not in restitution([film]).attrs["remarks"]
+    for wrong in (replace(film, time=8.0 * film.time), replace(film, height=1e-3 * film.height)):
+        assert "times gravity, so that its unit" in restitution([wrong]).attrs["remarks"]
+        free = restitution([wrong], scale_from_gravity=True)
+        assert "correct the unit" not in free.attrs["remarks"]
+
+
 def test_times_without_their_unit_are_refused_where_no_ball_flies_for_so_long():
     lists = hear_drops(FloorExperiment(), 1, seed=3)[0]
     with pytest.raises(TrackError, match=r"if the times are in ms, write their unit"):

@@ -247,6 +247,22 @@ def test_lists_of_times_of_any_shape(tmp_path):
         read(tmp_path, "1,0.5\n2,1.2\n3,1.7\n")
 
 
+def test_films_without_headings_twice_written_frames_and_axes(tmp_path):
+    """Times rise, heights do not; frame numbers beside times, or heights in m, are no rows."""
+    for text, rate in (
+        ("0.0,0.5\n0.1,0.6\n0.2,0.55\n", None),
+        ("0.0,1.0,0.5\n0.1,1.0,0.6\n0.2,1.0,0.55\n", None),
+        ("t,y\n0.0,0.5\n0.1,0.6\n0.1,0.6\n0.2,0.55\n", None),  # a frame twice
+        ("t,y,frame\n0.0,0.5,4\n0.1,0.6,5\n0.2,0.55,6\n", None),
+        ("frame,height_m\n0,0.5\n1,0.6\n2,0.55\n", 10.0),
+    ):
+        (found,) = read(tmp_path, text, frame_rate=rate)
+        np.testing.assert_allclose(found.time, [0.0, 0.1, 0.2])
+        np.testing.assert_allclose(found.height, [0.5, 0.6, 0.55])
+    (found,) = read(tmp_path, "X,Y,Slice\n7.0,90.0,1\n7.0,80.0,2\n7.0,85.0,3\n")  # ImageJ
+    np.testing.assert_allclose(found.height, [-90.0, -80.0, -85.0])
+
+
 @pytest.mark.parametrize("name", ["Interval (s)", "dt", "flight time (s)", "Intervall [s]"])
 def test_intervals_between_impacts(tmp_path, name):
     one, two = read(tmp_path, f"{name}\n0.7\n0.5\n0.35\n\n0.8\n0.6\n")

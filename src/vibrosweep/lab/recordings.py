@@ -177,8 +177,17 @@ class Columns:
 def chosen_headings(table: Cells, how: Reading) -> list[Heading]:
     """Return the headings of a table; a chosen column is the only one with heights or times."""
     headings = list(table.headings)
+    columns = range(len(headings))
+    if len(columns) in (2, 3) and all(headings[k].text == f"column {k + 1}" for k in columns):
+        values = [table.numbers(k) if table.wordless(k) else np.empty(0) for k in columns]
+        rising = [len(v) > 1 and bool((np.diff(v) > 0.0).all()) for v in values]
+        if rising[0] and not any(rising[1:]) and all(map(len, values)):  # a film: t, y or t, x, y
+            places = zip(
+                headings, ("time", *("horizontal",)[: len(columns) - 2], "height"), strict=True
+            )
+            return [replace(h, role=role) for h, role in places]
     nameless = [not h.role and h.text != f"column {k}" for k, h in enumerate(headings, start=1)]
-    wordless = all(map(table.wordless, range(len(headings))))
+    wordless = all(map(table.wordless, columns))
     if (all(nameless) or len(headings) == 1) and wordless and _are_side_by_side(headings):
         # names that say nothing, such as drop 1, drop 2
         headings = [replace(h, role=h.role or "time") for h in headings]
@@ -411,7 +420,7 @@ def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
     onsets: list[int] = []
     clicks: list[int] = []
     faded = -np.inf  # level of the echoes of the last click, extrapolated to the beginning
-    for place in places:
+    for place in places.tolist():
         ready = onsets[-1] + int(APART * rate) if onsets else 0
         if place < ready or level[place] < faded - ECHO[1] * place / rate:
             continue
@@ -419,7 +428,7 @@ def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
         faded = level[place] - ECHO[0] + ECHO[1] * place / rate
         begin = max(place - int(ATTACK * rate), ready)
         below = loudness[begin:place] < noise + ONSET * (loudness[place] - noise)
-        quiet = np.flatnonzero(binary_opening(below, np.ones(int(BEAT * rate) + 1)))
+        quiet = np.flatnonzero(binary_opening(below, np.ones(int(BEAT * rate) + 1, np.bool_)))
         onsets.append(begin + (int(quiet[-1]) + 1 if quiet.size else 0))
     if len(onsets) < 2:
         raise ValueError(f"{source}: holds {len(onsets)} clicks; at least two are needed")
@@ -669,6 +678,9 @@ def _recording(
         raise TrackError(f"{table.source}: line {line} has no time; give that of every position")
     valid = np.flatnonzero(np.isfinite(time))
     valid = valid[np.argsort(time[valid], kind="stable")] if _numbered(headings) else valid
+    again = np.diff(time[valid]) == 0.0  # a frame that was written twice
+    again &= np.equal(*(height[valid][part] for part in (slice(1, None), slice(None, -1))))
+    valid = valid[np.append(True, ~again)]
     falls = np.flatnonzero(np.diff(time[valid]) <= 0.0)
     if falls.size:
         line = table.lines[rows[valid[falls[0] + 1]]]
@@ -683,7 +695,7 @@ def _recording(
         time=time[valid],
         height=height[valid],
         horizontal=None if horizontal is None else horizontal[valid],
-        pixels=head.unit.lower() in PIXELS or _numbered(headings),
+        pixels=head.unit.lower() in PIXELS or (_numbered(headings) and not _in_metres(head)),
     )
     yield convert(track, head, how)
 
@@ -716,8 +728,17 @@ def _with_last_impact(
 
 
 def _numbered(headings: list[Heading]) -> bool:
-    """Return whether a table has frame numbers, as written by image-tracking programs."""
-    return any(h.role == "frame" for h in headings)
+    """Return whether a table is of a program that tracks images: with frame numbers.
+
+    A table of times that are not those of particles may have frame numbers too, as Tracker's.
+    """
+    roles = {h.role for h in headings}
+    return "frame" in roles and ("time" not in roles or "particle" in roles)
+
+
+def _in_metres(head: Heading) -> bool:
+    """Return whether heights have a unit that no image-tracking program assumes by itself."""
+    return length_factor(head.unit) is not None and head.unit.lower() in ("m", "cm", "mm")
 
 
 def _groups(labels: Iterable[str]) -> list[str]:

@@ -306,7 +306,7 @@ def _headed(above: list[Row], width: int, source: str, sheet: str, before: Cells
 _NAMES: Final = {
     "time": "t time times zeit temps tempo tiempo tijd sec secs second seconds timestamp positiont "
     "timestamps clock",
-    "frame": "frame frames framenumber frameno frameindex bild",
+    "frame": "frame frames framenumber frameno frameindex bild slice slicen sliceno",
     "height": "y h height heights hoehe hohe altezza hauteur altura hoogte altitude positiony "
     "yposition posy ypos ycoordinate elevation",
     "depth": "z positionz zposition posz zpos",
