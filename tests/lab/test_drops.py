@@ -221,6 +221,13 @@ def test_a_film_that_contradicts_gravity_says_that_a_unit_is_wrong():
         assert "correct the unit" not in free.attrs["remarks"]
 
 
+def test_a_part_in_which_nothing_was_recorded_is_refused():
+    film = film_drops(FloorExperiment(bounces=3), seed=1)[0][0]
+    for part in ({"begin": 100.0}, {"begin": 2.0, "end": 1.0}, {"end": -1.0}):
+        with pytest.raises(TrackError, match=r"nothing was recorded from .* last from 0\.0"):
+            restitution([film], **part)
+
+
 def test_times_without_their_unit_are_refused_where_no_ball_flies_for_so_long():
     lists = hear_drops(FloorExperiment(), 1, seed=3)[0]
     with pytest.raises(TrackError, match=r"if the times are in ms, write their unit"):

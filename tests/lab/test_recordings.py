@@ -598,7 +598,7 @@ def test_scale_axis_and_base(write):
         ("time,particle,height\n0.0,1,0.1\n0.1,,0.2\n", "line 3 has no particle"),
         ("time,particle,height\n0.0,1,0.1\n,1,0.2\n", "line 3 has no time"),
         ("time,particle,height\n0.0,7,1\n0.2,7,1\n0.1,7,1\n", r"line 4: the time 0\.1 s is not af"),
-        ("time,particle,height\n0.0,7,1\n0.1,7,1\n0.1,7,1\n", r"line 4: the time 0\.1 s is not af"),
+        ("time,particle,height\n0.0,7,1\n0.1,7,1\n0.1,7,2\n", r"line 4: the time 0\.1 s is not af"),
         ("time,particle,height\n0.0,1,high\n0.1,1,0.2\n", "line 2: 'high' is not a number"),
         ("time,depth,speed\n0.0,1.0,2.0\n0.1,1.1,2.0\n", "holds times of impacts, and no tracks"),
         ("mass_A\nt\tx\n0.0\t1.0\n0.1\t1.0\n", "has the columns t, x; give"),

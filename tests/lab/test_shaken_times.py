@@ -71,6 +71,13 @@ def test_restitution_on_a_floor_warns_of_a_shaken_base(landed):
         assert ("a base that shakes" in found.attrs["remarks"]) == shakes
 
 
+def test_the_times_of_a_floor_give_a_remark(landed):
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(20)
+    for times, rests in ((1.0 - 0.8 ** np.arange(20), True), (landed[3:23], False)):
+        found = times_on_shaker([clicks(times + noise)], frequency=20.0)
+        assert ("use vibrosweep lab restitution" in found.attrs["remarks"]) == rests
+
+
 def test_missed_and_false_clicks_are_left_out(landed):
     noise = 2e-5 * np.random.default_rng(2).standard_normal(landed.size)
     times = (landed + noise)[3:63]

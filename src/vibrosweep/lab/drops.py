@@ -741,7 +741,15 @@ def restitution(
             raise ParameterError(f"{name} = {instant!r}: must be a number, in s")
     inputs = ball_inputs(contact, mass, diameter, gravity, drop_height)
     inputs = replace(inputs, scale_from_gravity=scale_from_gravity)
-    used = [_cut(recording, begin, end) for recording in recordings_in(recordings)]
+    whole = recordings_in(recordings)
+    used = [_cut(recording, begin, end) for recording in whole]
+    times = np.concatenate([recording.time for recording in whole] or [np.empty(0)])
+    if times.size and not any(recording.time.size for recording in used):
+        low, high = (-np.inf if begin is None else begin), (np.inf if end is None else end)
+        raise TrackError(
+            f"nothing was recorded from {low:g} to {high:g} s; the recordings last from "
+            f"{np.nanmin(times):.10g} to {np.nanmax(times):.10g} s"
+        )
     fits: list[FilmFit] = []
     drops, remarks = bounces_of_clicks([r for r in used if r.height is None], inputs)
     for recording in used:

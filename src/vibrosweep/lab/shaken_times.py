@@ -53,6 +53,7 @@ MOST_OUTLIERS: Final = 0.2  # largest share of outliers
 BELOW: Final = 0.05  # largest share of flights that may cross the base between impacts
 EQUAL: Final = 8.0  # difference of log-likelihood that rules out another motion
 APART: Final = (0.03, 0.002)  # differences of e and of relative frequency that make another motion
+SHORTER: Final = 0.9  # share of flights shorter than those before, as over a base at rest
 CHANCE: Final = 12**-0.5  # scatter of e uniformly distributed from 0 to 1, as for random times
 WORST: Final = (0.1, 0.25)  # largest error of e, and relative error of the acceleration
 
@@ -448,6 +449,7 @@ def _result(
     locked: str,
 ) -> xr.Dataset:
     name, middle, origin, known, bare = about
+    rest = _remark_on_rest(triples)
     (e, s, c, f), covariance, g = found.values, found.covariance, triples.gravity
     velocity = float(np.hypot(s, c))
     phase = np.arctan2(c, s) - TWO_PI * f * (middle - origin)
@@ -503,7 +505,7 @@ def _result(
             "frequency_known": int(known is not None),
             "contact_known": int(not bare),
             "warning": locked or relation,
-            "remarks": _remark_on_outliers(found.used),
+            "remarks": "\n".join(filter(None, (_remark_on_outliers(found.used), rest))),
         },
     )
 
@@ -515,6 +517,18 @@ def _relation(name: str, e: float, gamma: float, both: Array) -> str:
     return (
         f"{name}: the orbit visits too few phases; the times fix one relation, e = {e:.4f} + "
         f"({slope:.4g}) (Gamma - {gamma:.4g}) within {left:.2g}; record the approach to it"
+    )
+
+
+def _remark_on_rest(triples: Triples) -> str:
+    """Return a remark if nearly all flights are shorter than those before, as over a floor."""
+    t, i = triples.time, triples.middle
+    shorter = t[i + 1] - t[i] < t[i] - t[i - 1]
+    if np.mean(shorter) < SHORTER:
+        return ""
+    return (
+        "the flights get shorter and shorter, as over a base at rest: for its restitution use "
+        "vibrosweep lab restitution, or vs.lab.restitution"
     )
 
 
