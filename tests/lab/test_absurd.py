@@ -172,6 +172,38 @@ def test_virtual_drops_refuse_absurd_setups():
             raises_only_own_errors(call)
 
 
+WRONG = ("x", 5, None, [5], {}, lab.Camera())
+
+
+@pytest.mark.parametrize(
+    "function", ["find_impacts", "perform_trials", "predicted_means", "film_drops", "hear_drops"]
+)
+def test_what_is_of_another_kind_is_refused(function):
+    for value in WRONG:
+        with pytest.raises(VibrosweepError, match=r"must be (an?|what) "):
+            getattr(lab, function)(value)
+
+
+@pytest.mark.parametrize("record", [film_drops, hear_drops])
+def test_virtual_drops_take_whole_numbers(record):
+    for given in ({"drops": "x"}, {"drops": 0}, {"drops": 1.5}, {"seed": "x"}, {"seed": -1}):
+        with pytest.raises(ParameterError, match=f"{next(iter(given))} = .*must be a whole number"):
+            record(FloorExperiment(), **given)
+
+
+def test_messages_name_options_as_they_are_typed(files, capsys):
+    for words, option in (
+        (("compare", "film.csv", "--draws", "1"), "--draws 1: "),
+        (("restitution", "times.csv", "--drop-height", "2:1"), "--drop-height [2.0, 1.0]: "),
+        (("restitution", "film.csv", "--frame-rate", "-1"), "--frame-rate -1.0: "),
+        (("impacts", "film.csv", "--base-track="), '--base-track "": '),
+        (("impacts", "film.csv", "--frequency", "-2"), "--frequency -2.0: "),
+    ):
+        part, file, *rest = words
+        assert main(["lab", part, str(files / file), *rest]) == 2
+        assert option in capsys.readouterr().err
+
+
 # --- Extreme numbers: one message or a result, never an endless computation ---
 
 TIME = np.arange(960) / 240.0

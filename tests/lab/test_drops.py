@@ -222,6 +222,66 @@ def test_missed_and_false_clicks_are_found():
     assert abs(off(found, 0.85)) < 3.5
 
 
+def test_clicks_are_told_apart_by_the_flights_of_all_drops():
+    """Echoes in short lists change most ratios of intervals; a missed click joins two flights."""
+    flights = 0.6 * 0.55 ** np.arange(4)
+    times = np.append(0.0, np.cumsum(flights))
+    lists = [np.sort(np.append(times, times[1] + 0.08)) for _ in range(3)]
+    found = restitution([*map(clicks, lists), clicks(np.delete(times, 1)[:3])], contact=1e-6)
+    assert float(found["restitution"]) == pytest.approx(0.55, abs=1e-3)
+    assert found.attrs["bounces"] == 9
+
+
+@pytest.mark.parametrize("wrong", [0.01, 100.0])
+def test_a_drop_height_in_another_unit_is_refused(wrong):
+    lists = hear_drops(FloorExperiment(height=0.8), 2, seed=3)[0]
+    with pytest.raises(ParameterError, match=r"fit a fall from about 0\.(79|8|81) m; give it in m"):
+        restitution(lists, drop_height=0.8 * wrong)
+    assert abs(off(restitution(lists, drop_height=0.8), 0.85)) < 3.5
+
+
+def test_a_list_of_clicks_that_are_mostly_false_is_left_out():
+    rng = np.random.default_rng(4)
+    true = hear_drops(FloorExperiment(restitution=0.7), 2, seed=3)[0]
+    noise = replace(clicks(np.sort(rng.uniform(0.0, 2.0, 12))), name="noise")
+    found = restitution([*true, noise])
+    assert "noise" not in found["drop"].values
+    assert "too many to tell impacts apart: left out" in found.attrs["remarks"]
+
+
+def test_a_film_that_contradicts_gravity_says_that_a_unit_is_wrong():
+    film = film_drops(FloorExperiment(bounces=3), seed=1)[0][0]
+    assert "correct the unit" not in restitution([film]).attrs["remarks"]
+    for wrong in (replace(film, time=8.0 * film.time), replace(film, height=1e-3 * film.height)):
+        assert "times gravity, so that its unit" in restitution([wrong]).attrs["remarks"]
+        free = restitution([wrong], scale_from_gravity=True)
+        assert "correct the unit" not in free.attrs["remarks"]
+
+
+def test_a_part_in_which_nothing_was_recorded_is_refused():
+    film = film_drops(FloorExperiment(bounces=3), seed=1)[0][0]
+    for part in ({"begin": 100.0}, {"begin": 2.0, "end": 1.0}, {"end": -1.0}):
+        with pytest.raises(TrackError, match=r"nothing was recorded from .* last from 0\.0"):
+            restitution([film], **part)
+
+
+def test_times_without_their_unit_are_refused_where_no_ball_flies_for_so_long():
+    lists = hear_drops(FloorExperiment(), 1, seed=3)[0]
+    with pytest.raises(TrackError, match=r"if the times are in ms, write their unit"):
+        restitution([clicks(1e3 * lists[0].time)])
+
+
+def test_groups_of_other_balls_do_not_change_the_reading_of_clicks():
+    slow = np.append(0.0, np.cumsum(0.6 * 0.55 ** np.arange(4)))
+    fast = np.append(0.0, np.cumsum(0.6 * 0.9 ** np.arange(12)))
+    spoilt = np.sort(np.append(np.delete(slow, 2), 0.7))
+    of_slow = [replace(clicks(one), group="slow") for one in (slow, spoilt)]
+    of_fast = [replace(clicks(fast), group="fast") for _ in range(3)]
+    both, alone = (restitution(some, contact=1e-6) for some in (of_fast + of_slow, of_slow))
+    slow_group = both.sel(group="slow")
+    assert float(slow_group["group_restitution"]) == pytest.approx(float(alone["restitution"]))
+
+
 def test_times_determine_no_law_and_one_bounce_no_scatter():
     falling = FloorExperiment(slope=-0.02, scatter=0.003, contact_time=5e-4)
     found = restitution(hear_drops(falling, 6, seed=2)[0], contact=5e-4)

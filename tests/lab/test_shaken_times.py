@@ -42,6 +42,23 @@ def test_times_give_restitution_frequency_acceleration_and_phase(landed):
     assert any("Hz, acceleration" in line for line in restitution_lines(found))
 
 
+def test_the_clock_of_the_times_may_start_in_1970(landed):
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(landed.size)
+    begin = 1_764_194_400.0
+    near = times_on_shaker([clicks((landed + noise)[3:43] + 40.0)], frequency=20.0)
+    far = times_on_shaker([clicks((landed + noise)[3:43] + begin)], frequency=20.0)
+    assert far.attrs["origin"] == np.floor(begin + landed[3])
+    turned = float(far["phase"]) - 40.0 * np.pi * (
+        far.attrs["origin"] - begin - near.attrs["origin"] + 40.0
+    )
+    off = (turned - float(near["phase"]) + np.pi) % (2.0 * np.pi) - np.pi
+    assert abs(off) < 1e-3
+    assert float(far["phase_error"]) == pytest.approx(float(near["phase_error"]), rel=1e-2)
+    found = times_on_shaker([clicks((landed + noise)[3:43] + begin)])
+    assert float(found["phase_error"]) < 0.1
+    assert f"rad at t = {found.attrs['origin']:.0f} s" in "\n".join(restitution_lines(found))
+
+
 def test_restitution_on_a_floor_warns_of_a_shaken_base(landed):
     locked = np.arange(40) * 0.05
     for times, shakes in (
@@ -52,6 +69,13 @@ def test_restitution_on_a_floor_warns_of_a_shaken_base(landed):
         noise = 1e-4 * np.random.default_rng(1).standard_normal(times.size)
         found = restitution([clicks(times + noise)])
         assert ("a base that shakes" in found.attrs["remarks"]) == shakes
+
+
+def test_the_times_of_a_floor_give_a_remark(landed):
+    noise = 1e-4 * np.random.default_rng(1).standard_normal(20)
+    for times, rests in ((1.0 - 0.8 ** np.arange(20), True), (landed[3:23], False)):
+        found = times_on_shaker([clicks(times + noise)], frequency=20.0)
+        assert ("use vibrosweep lab restitution" in found.attrs["remarks"]) == rests
 
 
 def test_missed_and_false_clicks_are_left_out(landed):

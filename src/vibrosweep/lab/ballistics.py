@@ -10,6 +10,7 @@ import numpy as np
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import ParameterError
+from vibrosweep.mistakes import Value, argument
 
 __all__ = ["BallInputs", "Bounces", "Input"]
 
@@ -130,10 +131,8 @@ def given(name: str, value: float | tuple[float, float]) -> Input:
     except (TypeError, ValueError):
         low = high = np.nan
     if not least <= low <= high <= most:
-        raise ParameterError(
-            f"{name} = {value!r}: must be a number from {least:g} to {most:g}, or two, the lower "
-            f"first"
-        )
+        rule = f": must be a number from {least:g} to {most:g}, or two, the lower first"
+        raise ParameterError(argument(name), Value(value), rule)
     return from_range(low, high)
 
 

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from vibrosweep.arrays import Array
-from vibrosweep.errors import TrackError
+from vibrosweep.errors import ParameterError, TrackError
 from vibrosweep.lab.ballistics import (
     POWER,
     BallInputs,
@@ -26,7 +26,9 @@ from vibrosweep.lab.ballistics import (
     nominal_of,
 )
 from vibrosweep.lab.recordings import Recording
+from vibrosweep.mistakes import Value, argument
 
+LONGEST: Final = 60.0  # s, longest typical flight, from a height of 4 km
 LATEST: Final = 1e11  # s; the spacing of doubles there is 15 us
 RATIOS: Final = (0.3, 1.0)  # of successive intervals, used for the first estimate of e
 # Cost of a missed or false click: that of a ratio off by 3.5 standard deviations
@@ -34,7 +36,10 @@ EVENT: Final = 12.0
 BREAK: Final = 30.0  # cost of starting another drop in the same list
 LEAST_SPREAD: Final = 0.02  # of the logarithm of a ratio
 FARTHEST: Final = 4  # largest number of successive false clicks, plus 1
+MOST_EVENTS: Final = 0.4  # largest share of missed and false clicks
+OTHER: Final = 1.6  # ratio of e after the fall to that of other bounces that no ball has
 MISSED: Final = 2  # largest number of successive missed clicks
+ROUNDS: Final = 4
 
 
 class Reading(NamedTuple):
@@ -47,8 +52,7 @@ class Reading(NamedTuple):
 
 def typical_ratio(lists: Sequence[Array]) -> tuple[float, float]:
     """Return the median ratio of successive intervals, and the scatter of its logarithm."""
-    steps = [np.diff(times) for times in lists]
-    ratios = np.concatenate([step[1:] / step[:-1] for step in steps]) if steps else np.empty(0)
+    ratios = np.concatenate([steps[1:] / steps[:-1] for steps in lists])
     ratios = ratios[(ratios > RATIOS[0]) & (ratios < RATIOS[1])]
     if not ratios.size:
         return np.nan, np.nan
@@ -56,6 +60,29 @@ def typical_ratio(lists: Sequence[Array]) -> tuple[float, float]:
     middle = np.median(logs)
     spread = 1.48 * float(np.median(np.abs(logs - middle)))
     return float(np.exp(middle)), max(LEAST_SPREAD, 2.0 * spread)
+
+
+def read_lists(lists: Sequence[Array]) -> list[list[list[Reading]]]:
+    """Divide the lists of clicks of one ball into drops; no drops without a typical ratio.
+
+    A false click changes three ratios, so that the first typical ratio may be far off; that of the
+    flights found with it is better.
+    """
+    drops: list[list[list[Reading]]] = [[] for _ in lists]
+    ratio, spread = typical_ratio([np.diff(times) for times in lists])
+    for _ in range(ROUNDS):
+        if not np.isfinite(ratio):
+            break
+        drops = [read_clicks(times, ratio, spread) for times in lists]
+        flights = [
+            np.array([times[r.last] - times[r.first] if not r.missed else np.nan for r in drop])
+            for times, own in zip(lists, drops, strict=True)
+            for drop in own
+        ]
+        before, (ratio, spread) = (ratio, spread), typical_ratio(flights)
+        if (ratio, spread) == before:
+            break
+    return drops
 
 
 def read_clicks(times: Array, ratio: float, spread: float) -> list[list[Reading]]:
@@ -110,6 +137,11 @@ def impacts_in(recording: Recording) -> Array:
             f"{recording.name}: a time is {times[np.abs(times).argmax()]:g} s: must be at most "
             f"{LATEST:g} s; check the column"
         )
+    if times.size > 2 and (usual := float(np.median(np.diff(times)))) > LONGEST:
+        raise TrackError(
+            f"{recording.name}: {usual:.4g} s from impact to impact is too long for a bouncing "
+            f"ball; if the times are in ms, write their unit in the heading: time (ms)"
+        )
     return times
 
 
@@ -118,29 +150,54 @@ def bounces_of_clicks(
 ) -> tuple[list[Bounces], list[str]]:
     """Return the bounces of lists of clicks, and remarks."""
     recordings = [replace(r, time=impacts_in(r)) for r in recordings]
-    ratio, spread = typical_ratio([r.time for r in recordings if r.time.size > 2])
+    drops_of: dict[int, list[list[Reading]]] = {}
+    for group in dict.fromkeys(r.group for r in recordings):  # each of one ball
+        own = [k for k, r in enumerate(recordings) if r.group == group and r.time.size > 2]
+        if own:
+            drops_of |= zip(own, read_lists([recordings[k].time for k in own]), strict=True)
     found, remarks = [], []
-    for recording in recordings:
+    for k, recording in enumerate(recordings):
         n = recording.time.size
-        lacking = n < 3 and not (inputs.drop_height and n == 2)
-        if lacking or not np.isfinite(ratio if n > 2 else 1.0):
+        drops = drops_of.get(k, [])
+        if inputs.drop_height and n == 2:
+            drops = [[Reading(0, 1, 0)]]
+        if not drops:
             what = "no interval is 0.3 to 1 times as long as the one before"
             text = f"has {n} impact times, at least 3 are needed" if n < 3 else what
             remarks.append(f"{recording.name}: no bounce; {text}")
             continue
-        drops = read_clicks(recording.time, ratio if n > 2 else 0.8, spread if n > 2 else 1.0)
         read = sum(1 + len(drop) for drop in drops)
         missed = sum(r.missed for drop in drops for r in drop)
         events = [f"{m} {w}" for m, w in ((missed, "missed"), (n - read, "false")) if m]
         if events:
             remarks.append(f"{recording.name}: {' and '.join(events)} of {n} clicks")
-        for k, drop in enumerate(drops):
-            name = recording.name if len(drops) == 1 else f"{recording.name} ({k + 1})"
+        if missed + n - read > MOST_EVENTS * n:
+            remarks[-1] += ", too many to tell impacts apart: left out"
+            continue
+        for number, drop in enumerate(drops, start=1):
+            name = recording.name if len(drops) == 1 else f"{recording.name} ({number})"
             start = inputs.drop_height is not None and not drop[0].missed
             made = _bounces(recording, drop, inputs, start, name)
             if made.restitution.size:
                 found.append(made)
+    if found and inputs.drop_height:
+        _check_drop_height(found, inputs.drop_height.value)
     return found, remarks
+
+
+def _check_drop_height(drops: list[Bounces], height: float) -> None:
+    """Raise an error unless the first bounces, after the fall, resemble the others."""
+    e = np.concatenate([drop.restitution for drop in drops])
+    first = np.isinf(np.concatenate([drop.before for drop in drops if drop.before is not None]))
+    if not first.any() or first.all():
+        return
+    ratio = float(np.median(e[first]) / np.median(e[~first]))
+    if not 1.0 / OTHER < ratio < OTHER:
+        rule = (
+            f": does not agree with the flights, which fit a fall from about "
+            f"{height * ratio**2:.2g} m; give it in m, or leave it out"
+        )
+        raise ParameterError(argument("drop_height"), Value(height), rule)
 
 
 def _bounces(

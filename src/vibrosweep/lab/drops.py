@@ -302,6 +302,7 @@ LINE: Final = "line"
 EDGE: Final = 0.1  # of the logarithm: width of the smoothed ends of a range
 TERMINAL: Final = 20.0  # m s-1, terminal speed for which the effect of drag is stated
 LINEARIZED: Final = 3  # relinearizations about adjusted clicks
+WRONG_SCALE: Final = 1.2  # apparent gravity in units of gravity, beyond which a unit is wrong
 STARTS: Final = 7  # trial contact times
 ROUGH: Final = 2  # zooms of an intermediate fit
 SMOOTH: Final = 1e4  # precision that represents an exact input
@@ -740,7 +741,15 @@ def restitution(
             raise ParameterError(f"{name} = {instant!r}: must be a number, in s")
     inputs = ball_inputs(contact, mass, diameter, gravity, drop_height)
     inputs = replace(inputs, scale_from_gravity=scale_from_gravity)
-    used = [_cut(recording, begin, end) for recording in recordings_in(recordings)]
+    whole = recordings_in(recordings)
+    used = [_cut(recording, begin, end) for recording in whole]
+    times = np.concatenate([recording.time for recording in whole] or [np.empty(0)])
+    if times.size and not any(recording.time.size for recording in used):
+        low, high = (-np.inf if begin is None else begin), (np.inf if end is None else end)
+        raise TrackError(
+            f"nothing was recorded from {low:g} to {high:g} s; the recordings last from "
+            f"{np.nanmin(times):.10g} to {np.nanmax(times):.10g} s"
+        )
     fits: list[FilmFit] = []
     drops, remarks = bounces_of_clicks([r for r in used if r.height is None], inputs)
     for recording in used:
@@ -753,6 +762,8 @@ def restitution(
     if not drops:
         raise TrackError("; ".join(remarks) or "no recordings were given")
     first = len(drops) - len(fits)
+    remarks += [_remark_on_scale(d, inputs) for d in drops if d.speed_known and d.gravity]
+    remarks = [remark for remark in remarks if remark]
     owners = np.array([drop.group for drop in drops])
     found = Pool(list(drops), inputs).result(remarks).assign(_samples(fits, first))
     names = list(dict.fromkeys(owners.tolist()))
@@ -765,6 +776,17 @@ def restitution(
         for key in ("restitution", "restitution_error", "speed")
     }
     return found.assign(of_groups).assign_coords(group=names if parts else [])
+
+
+def _remark_on_scale(drop: Bounces, inputs: BallInputs) -> str:
+    """Return a remark if free fall contradicts the scale or the frame rate of a film."""
+    ratio = (drop.gravity or Input(np.nan)).value / inputs.gravity.value
+    if inputs.scale_from_gravity or 1.0 / WRONG_SCALE < ratio < WRONG_SCALE:
+        return ""
+    return (
+        f"{drop.name}: falls with {ratio:.3g} times gravity, so that its unit of length or time is "
+        f"wrong, and speeds with it: correct the unit or the frame rate, or use --scale gravity"
+    )
 
 
 def _samples(fits: list[FilmFit], first: int) -> dict[str, Any]:

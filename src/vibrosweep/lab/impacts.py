@@ -21,6 +21,7 @@ from vibrosweep.lab.flights import line_variance, low_points
 from vibrosweep.lab.regression import TWO_PI, FittedLaw, law_variables, possible_laws, preferred_law
 from vibrosweep.lab.tracks import coverage
 from vibrosweep.lab.variables import require_parameter, with_units
+from vibrosweep.mistakes import cut
 
 __all__ = [
     "BOUNCED",
@@ -158,6 +159,8 @@ def find_impacts(
     ('particle', 'impact')
     """
     require_one_of("method", method, METHODS, TrackError)
+    if not (isinstance(tracks, xr.Dataset) and "height" in tracks):
+        raise TrackError(f"tracks = {cut(repr(tracks))}: must be what read_tracks returns")
     fall = gravity_of(gravity)
     inputs = inputs_of(contact, mass, diameter, fall)
     setup = Setup(base, exposure, motion, frequency, trace, inputs)

@@ -78,7 +78,8 @@ def _shaken_lines(found: xr.Dataset) -> list[str]:
         frequency = f"{float(found['frequency']):.6g}" if given else values["frequency"]
         lines += [
             f"  frequency {frequency} Hz{given}, acceleration {values['base_acceleration']} of "
-            f"gravity, phase {values['phase']} rad at t = 0; restitution {values['restitution']}",
+            f"gravity, phase {values['phase']} rad at t = {attributes['origin']:.10g} s; "
+            f"restitution {values['restitution']}",
             f"  correlation of restitution and acceleration {float(found['correlation']):.2f}",
         ]
     else:

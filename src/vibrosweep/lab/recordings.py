@@ -160,7 +160,7 @@ def _lost_positions(height: Array, value: float) -> Flags:
 
 FORMATS: Final = (
     "give a column of times and one of heights, such as time and height, or t and y; frames with "
-    "x and y; or times of impacts"
+    "x and y; or times of impacts, whose column may be chosen by its name (column=, --column)"
 )
 
 
@@ -177,14 +177,27 @@ class Columns:
 def chosen_headings(table: Cells, how: Reading) -> list[Heading]:
     """Return the headings of a table; a chosen column is the only one with heights or times."""
     headings = list(table.headings)
-    if len(headings) == 1 and not headings[0].role and table.wordless(0):
-        headings[0] = replace(headings[0], role="time")
+    columns = range(len(headings))
+    if len(columns) in (2, 3) and all(headings[k].text == f"column {k + 1}" for k in columns):
+        values = [table.numbers(k) if table.wordless(k) else np.empty(0) for k in columns]
+        rising = [len(v) > 1 and bool((np.diff(v) > 0.0).all()) for v in values]
+        if rising[0] and not any(rising[1:]) and all(map(len, values)):  # a film: t, y or t, x, y
+            places = zip(
+                headings, ("time", *("horizontal",)[: len(columns) - 2], "height"), strict=True
+            )
+            return [replace(h, role=role) for h, role in places]
+    nameless = [not h.role and h.text != f"column {k}" for k, h in enumerate(headings, start=1)]
+    wordless = all(map(table.wordless, columns))
+    if (all(nameless) or len(headings) == 1) and wordless and _are_side_by_side(headings):
+        # names that say nothing, such as drop 1, drop 2
+        headings = [replace(h, role=h.role or "time") for h in headings]
     if how.column is None:
         return headings
     wanted = [k for k, h in enumerate(headings) if h.means(how.column)]
     if not wanted:
         return [replace(h, role="") for h in headings]
-    impacts = any(headings[k].role == "time" for k in wanted)
+    clocks = [k for k, h in enumerate(headings) if h.role in ("time", "frame")]
+    impacts = not clocks or any(headings[k].role == "time" for k in wanted)
     drop = ("height", "depth", "time") if impacts else ("height", "depth")
     roles = [("" if h.role in drop else h.role) for h in headings]
     for k in wanted:
@@ -196,14 +209,14 @@ def series_of_columns(table: Cells, headings: list[Heading]) -> list[Columns]:
     """Find the columns of each recording."""
     places = {
         role: [k for k, h in enumerate(headings) if h.role == role and _has_values(table, k)]
-        for role in ("time", "frame", "height", "depth", "horizontal")
+        for role in ("time", "frame", "height", "depth", "horizontal", "interval")
     }
     times = places["time"] or places["frame"]
     heights = places["height"] or places["depth"] or _lengths(table, headings)
     if not heights:
         # a trace of the base, or a track without heights
         other = any(h.role in ("acceleration", "horizontal", "frame") for h in headings)
-        times = [] if other else places["time"]
+        times = [] if other else places["time"] or places["interval"]
         if len(times) > 1 and not _are_side_by_side([headings[k] for k in times]):
             raise _ambiguous(table, [headings[k] for k in times], "times of impacts")
         return [
@@ -365,10 +378,17 @@ def _moving_tracks(
 # -----------------------------------------------------------------------------
 # Clicks of impacts in a sound file.
 
-APART: Final = 0.02  # s, shortest time between two clicks
-RISE: Final = 10.0  # dB, height of a click above the noise, and its prominence
-WINDOW: Final = 5e-4  # s, averaging time of the loudness
-ONSET: Final = 0.2  # fraction of the loudness of a click at its onset
+BAND: Final = (300.0, 8000.0)  # Hz; hum and most of the noise lie outside
+WINDOW: Final = 1e-3  # s, averaging time of the loudness
+APART: Final = 0.05  # s, shortest time between two clicks
+BEAT: Final = 3e-3  # s, longest dip inside a click, as where an echo interferes
+ATTACK: Final = 0.025  # s, longest time from the onset of a click to its peak
+RISE: Final = 10.0  # dB, height of a click above the noise
+DIP: Final = 6.0  # dB, rise of a click above what precedes it
+QUIETEST: Final = -60.0  # dB relative to the loudest click
+# Echoes: dB below a click, and dB per s by which they fade; a reverberation of 0.5 s
+ECHO: Final = (6.0, 120.0)
+ONSET: Final = 0.3  # fraction of the loudness of a click at its onset
 
 
 def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
@@ -377,8 +397,8 @@ def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
     Raises a ValueError if the file cannot be read or has fewer than two clicks.
     """
     from scipy.io import wavfile
-    from scipy.ndimage import uniform_filter1d
-    from scipy.signal import find_peaks
+    from scipy.ndimage import binary_opening, uniform_filter1d
+    from scipy.signal import butter, find_peaks, sosfilt
 
     try:
         with warnings.catch_warnings():
@@ -389,21 +409,30 @@ def clicks_of(content: bytes, source: str) -> tuple[Array, Array, float]:
     if not (samples.size and rate > 0):
         raise ValueError(f"{source}: is a WAV file without a sound")
     sound = np.asarray(samples, np.float64).reshape(len(samples), -1).mean(axis=1)
-    # differences, because hum and voices have lower frequencies than clicks
-    width = max(int(WINDOW * rate), 1)
-    change = np.abs(np.diff(sound, prepend=sound[:1]))
-    loudness = uniform_filter1d(change, width)
-    noise = max(float(np.median(loudness)), 1e-12 * float(loudness.max(initial=0.0)), 1e-300)
+    if rate > 4.0 * BAND[0]:
+        band = (BAND[0], min(BAND[1], 0.45 * rate))
+        sound = sosfilt(butter(2, band, "bandpass", fs=rate, output="sos"), sound)
+    loudness = uniform_filter1d(np.abs(sound), max(int(WINDOW * rate), 1))
+    loudest = float(loudness.max(initial=0.0))
+    noise = max(float(np.median(loudness)), 10.0 ** (QUIETEST / 20.0) * loudest, 1e-300)
     level = 20.0 * np.log10(np.maximum(loudness, noise) / noise)
-    places, _ = find_peaks(level, height=RISE, prominence=RISE, distance=max(int(APART * rate), 1))
-    if len(places) < 2:
-        raise ValueError(f"{source}: holds {len(places)} clicks; at least two are needed")
-    onsets = []
-    for place in places:
-        begin = max(place - int(APART * rate) // 2, 0)
-        loud = np.flatnonzero(loudness[begin : place + 1] >= ONSET * loudness[place])
-        onsets.append(begin + loud[0])
-    return np.array(onsets) / rate, loudness[places], 1.0 / rate
+    places, _ = find_peaks(level, height=RISE, prominence=DIP)
+    onsets: list[int] = []
+    clicks: list[int] = []
+    faded = -np.inf  # level of the echoes of the last click, extrapolated to the beginning
+    for place in places.tolist():
+        ready = onsets[-1] + int(APART * rate) if onsets else 0
+        if place < ready or level[place] < faded - ECHO[1] * place / rate:
+            continue
+        clicks.append(place)
+        faded = level[place] - ECHO[0] + ECHO[1] * place / rate
+        begin = max(place - int(ATTACK * rate), ready)
+        below = loudness[begin:place] < noise + ONSET * (loudness[place] - noise)
+        quiet = np.flatnonzero(binary_opening(below, np.ones(int(BEAT * rate) + 1, np.bool_)))
+        onsets.append(begin + (int(quiet[-1]) + 1 if quiet.size else 0))
+    if len(onsets) < 2:
+        raise ValueError(f"{source}: holds {len(onsets)} clicks; at least two are needed")
+    return np.array(onsets) / rate, loudness[clicks], 1.0 / rate
 
 
 # -----------------------------------------------------------------------------
@@ -532,6 +561,7 @@ def _tabled(content: bytes, source: str, how: Reading) -> list[Recording]:
 
 def recordings_of(table: Cells, how: Reading) -> Iterator[Recording]:
     """Yield the recordings of a table; none for other kinds of tables."""
+    table = _upright(table)
     headings = chosen_headings(table, how)
     series = series_of_columns(table, headings)
     owners = [
@@ -550,6 +580,17 @@ def recordings_of(table: Cells, how: Reading) -> Iterator[Recording]:
         for name in dict.fromkeys(owner.tolist()):
             rows = np.flatnonzero(owner == name)
             yield from _recording(table, headings, one, clock, rows, how, str(name))
+
+
+def _upright(table: Cells) -> Cells:
+    """Return a list of times that stands in one row as a column."""
+    columns = range(len(table.headings))
+    bare = all(h.role in ("", "time") for h in table.headings) and all(map(table.wordless, columns))
+    if not (bare and len(table.rows) == 1 and len(columns) > 2):
+        return table
+    rows, lines = [[cell] for cell in table.rows[0]], table.lines * len(columns)
+    unit = table.headings[0].unit
+    return replace(table, headings=(heading("time", unit),), rows=rows, lines=lines)
 
 
 # Times of the rows of a table in s, or in frames if their rate is not known; whether it is known;
@@ -610,6 +651,8 @@ def _recording(
     if one.height is None:
         seen = np.isfinite(time)
         time, rows = time[seen], rows[seen]
+        if headings[one.time].role == "interval":
+            time, rows = _impacts_between(table, time, rows)
         time = _with_last_impact(table, headings, one.time, time, rows)
         falls = np.flatnonzero(np.diff(time) <= 0.0) + 1
         for k in falls[falls < rows.size]:
@@ -635,6 +678,9 @@ def _recording(
         raise TrackError(f"{table.source}: line {line} has no time; give that of every position")
     valid = np.flatnonzero(np.isfinite(time))
     valid = valid[np.argsort(time[valid], kind="stable")] if _numbered(headings) else valid
+    again = np.diff(time[valid]) == 0.0  # a frame that was written twice
+    again &= np.equal(*(height[valid][part] for part in (slice(1, None), slice(None, -1))))
+    valid = valid[np.append(True, ~again)]
     falls = np.flatnonzero(np.diff(time[valid]) <= 0.0)
     if falls.size:
         line = table.lines[rows[valid[falls[0] + 1]]]
@@ -649,9 +695,21 @@ def _recording(
         time=time[valid],
         height=height[valid],
         horizontal=None if horizontal is None else horizontal[valid],
-        pixels=head.unit.lower() in PIXELS or _numbered(headings),
+        pixels=head.unit.lower() in PIXELS or (_numbered(headings) and not _in_metres(head)),
     )
     yield convert(track, head, how)
+
+
+def _impacts_between(
+    table: Cells, intervals: Array, rows: NDArray[np.intp]
+) -> tuple[Array, NDArray[np.intp]]:
+    """Return the times of the impacts that bound intervals, from 0 in each drop, and their rows."""
+    drops = np.split(np.arange(rows.size), np.searchsorted(rows, table.breaks))
+    parts = [drop for drop in drops if drop.size]
+    times = [np.append(0.0, np.cumsum(intervals[part])) for part in parts]
+    # the first impact stands in the row of the first interval
+    places = [np.append(rows[part[0]], rows[part]) for part in parts]
+    return np.concatenate([[], *times]), np.concatenate([np.empty(0, np.intp), *places])
 
 
 def _with_last_impact(
@@ -670,8 +728,17 @@ def _with_last_impact(
 
 
 def _numbered(headings: list[Heading]) -> bool:
-    """Return whether a table has frame numbers, as written by image-tracking programs."""
-    return any(h.role == "frame" for h in headings)
+    """Return whether a table is of a program that tracks images: with frame numbers.
+
+    A table of times that are not those of particles may have frame numbers too, as Tracker's.
+    """
+    roles = {h.role for h in headings}
+    return "frame" in roles and ("time" not in roles or "particle" in roles)
+
+
+def _in_metres(head: Heading) -> bool:
+    """Return whether heights have a unit that no image-tracking program assumes by itself."""
+    return length_factor(head.unit) is not None and head.unit.lower() in ("m", "cm", "mm")
 
 
 def _groups(labels: Iterable[str]) -> list[str]:
@@ -750,6 +817,7 @@ def read_tracks(
     ...     vs.lab.read_tracks(f"{folder}/track.csv").height.dims
     ('frame', 'particle')
     """
+    require_name("base_track", base_track)
     files = files_of(paths)
     how = Reading(scale, frame_rate, axis, column, particle, sheet, base)
     found = [read_file(path, how) for path in files]

@@ -35,6 +35,7 @@ from vibrosweep.lab.drops import (
 )
 from vibrosweep.lab.recordings import Recording, recordings_in
 from vibrosweep.lab.variables import require_parameter, require_range_of_frequencies
+from vibrosweep.scene.tables import origin_of
 
 __all__ = ["times_on_shaker"]
 
@@ -52,6 +53,7 @@ MOST_OUTLIERS: Final = 0.2  # largest share of outliers
 BELOW: Final = 0.05  # largest share of flights that may cross the base between impacts
 EQUAL: Final = 8.0  # difference of log-likelihood that rules out another motion
 APART: Final = (0.03, 0.002)  # differences of e and of relative frequency that make another motion
+SHORTER: Final = 0.9  # share of flights shorter than those before, as over a base at rest
 CHANCE: Final = 12**-0.5  # scatter of e uniformly distributed from 0 to 1, as for random times
 WORST: Final = (0.1, 0.25)  # largest error of e, and relative error of the acceleration
 
@@ -310,7 +312,8 @@ def times_on_shaker(
         - ``restitution``, its scatter and its bounces, as in the result of `restitution`;
         - ``frequency`` (Hz), ``base_acceleration`` (in units of gravity), ``amplitude`` (m s-1,
           (1 + e) times the peak velocity of the base) and ``phase`` (rad, at t = 0 on the clock of
-          the recordings), each with ``_error``;
+          the recordings, or at the attribute ``origin`` (s) of a clock from 1970 or midnight), each
+          with ``_error``;
         - ``correlation`` of restitution and acceleration;
         - ``contact_effect``: changes due to a contact time longer by 1 ms;
         - ``determined``: 0 if the orbit, such as a locked one, does not determine them; the
@@ -346,7 +349,7 @@ def times_on_shaker(
             f"which do not determine it; the effect of 1 ms is reported if it is left out"
         )
     c = given("contact", contact).value if contact else 0.0
-    triples, name, middle = _triples(recordings, gravity, c)
+    triples, name, middle, origin = _triples(recordings, gravity, c)
     low, high = frequency_range
     span = min(float(np.ptp(triples.time)), SCAN_SECONDS)
     number = int((high - low) * 4.0 * span) + 2
@@ -376,7 +379,8 @@ def times_on_shaker(
             f"to 1 is possible; check the frequency, and whether impacts are missing"
         )
     warning = locked or _ambiguous(name, tried, start)
-    return _result(triples, found, (name, middle, frequency, not contact), warning)
+    about = (name, middle, origin, frequency, not contact)
+    return _result(triples, found, about, warning)
 
 
 def _spread(found: _Adjusted) -> Array:
@@ -400,8 +404,8 @@ def _ambiguous(name: str, tried: list[_Start], best: _Start) -> str:
 
 def _triples(
     recordings: Sequence[Recording], gravity: float, contact: float
-) -> tuple[Triples, str, float]:
-    """Return the impacts of all recordings, their name, and the middle of the time interval."""
+) -> tuple[Triples, str, float, float]:
+    """Return the impacts of all recordings, their name, and middle and origin of their times."""
     if not recordings:
         raise TrackError("no recordings were given")
     lists = [impacts_in(recording) for recording in recordings]
@@ -417,7 +421,8 @@ def _triples(
     middle = float((every.min() + every.max()) / 2.0)
     starts = np.cumsum([0, *(times.size for times in lists)])
     inner = [np.arange(a + 1, b - 1) for a, b in pairwise(starts)]
-    return Triples(every - middle, np.concatenate(inner), gravity, contact), name, middle
+    origin = origin_of(np.sort(every))
+    return Triples(every - middle, np.concatenate(inner), gravity, contact), name, middle, origin
 
 
 def _warning_if_locked(triples: Triples, name: str) -> str:
@@ -438,12 +443,16 @@ MOTION: Final = ("frequency", "base_acceleration", "amplitude", "phase")
 
 
 def _result(
-    triples: Triples, found: _Adjusted, about: tuple[str, float, float | None, bool], locked: str
+    triples: Triples,
+    found: _Adjusted,
+    about: tuple[str, float, float, float | None, bool],
+    locked: str,
 ) -> xr.Dataset:
-    name, middle, known, bare = about
+    name, middle, origin, known, bare = about
+    rest = _remark_on_rest(triples)
     (e, s, c, f), covariance, g = found.values, found.covariance, triples.gravity
     velocity = float(np.hypot(s, c))
-    phase = np.arctan2(c, s) - TWO_PI * f * middle
+    phase = np.arctan2(c, s) - TWO_PI * f * (middle - origin)
     phase = float((phase + np.pi) % TWO_PI - np.pi)
     # by e, S, C, f
     of_velocity = np.array([0.0, s / velocity, c / velocity, 0.0])
@@ -452,7 +461,7 @@ def _result(
             [0.0, 0.0, 0.0, 1.0],
             TWO_PI / g * (f * of_velocity + [0.0, 0.0, 0.0, velocity]),
             (1.0 + e) * of_velocity + [velocity, 0.0, 0.0, 0.0],
-            [0.0, -c / velocity**2, s / velocity**2, -TWO_PI * middle],
+            [0.0, -c / velocity**2, s / velocity**2, -TWO_PI * (middle - origin)],
         ]
     )
     errors = np.sqrt(np.einsum("ki,ij,kj->k", slopes, covariance, slopes))
@@ -492,10 +501,11 @@ def _result(
             "bounces": int(found.used.sum()),
             "dependence": "constant",
             "speed_known": 1,
+            "origin": origin,
             "frequency_known": int(known is not None),
             "contact_known": int(not bare),
             "warning": locked or relation,
-            "remarks": _remark_on_outliers(found.used),
+            "remarks": "\n".join(filter(None, (_remark_on_outliers(found.used), rest))),
         },
     )
 
@@ -507,6 +517,18 @@ def _relation(name: str, e: float, gamma: float, both: Array) -> str:
     return (
         f"{name}: the orbit visits too few phases; the times fix one relation, e = {e:.4f} + "
         f"({slope:.4g}) (Gamma - {gamma:.4g}) within {left:.2g}; record the approach to it"
+    )
+
+
+def _remark_on_rest(triples: Triples) -> str:
+    """Return a remark if nearly all flights are shorter than those before, as over a floor."""
+    t, i = triples.time, triples.middle
+    shorter = t[i + 1] - t[i] < t[i] - t[i - 1]
+    if np.mean(shorter) < SHORTER:
+        return ""
+    return (
+        "the flights get shorter and shorter, as over a base at rest: for its restitution use "
+        "vibrosweep lab restitution, or vs.lab.restitution"
     )
 
 

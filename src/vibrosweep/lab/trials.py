@@ -40,6 +40,7 @@ from vibrosweep.lab.experiment import (
 from vibrosweep.lab.paths import Ball, path_of
 from vibrosweep.lab.paths import Path as BallPath
 from vibrosweep.lab.tracks import make_tracks
+from vibrosweep.lab.variables import require_instance
 from vibrosweep.model.parameters import (
     HIGH_BOUNCE,
     OF_RESTITUTION,
@@ -219,6 +220,7 @@ def perform_trials(experiment: Experiment) -> list[Trial]:
     >>> film[0].tracks.height.dims
     ('frame', 'particle')
     """
+    require_instance("experiment", experiment, Experiment)
     same, *repeats = np.random.SeedSequence(experiment.seed).spawn(experiment.repeats + 1)
     variation, rng = experiment.variation, np.random.default_rng(same)
     drawn = rng.standard_normal((2, experiment.scene.particles))
@@ -250,6 +252,7 @@ def predicted_means(experiment: Experiment) -> dict[str, Array]:
     >>> predicted["period"].shape
     (2,)
     """
+    require_instance("experiment", experiment, Experiment)
     scene, numbers = experiment.recorded, experiment.parameters
     every = np.full(scene.particles, numbers["restitution"])
     landed = _landings(scene, numbers, every, np.zeros(2))

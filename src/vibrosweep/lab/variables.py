@@ -8,6 +8,7 @@ from numbers import Integral, Real
 from typing import Any, Final
 
 from vibrosweep.errors import ParameterError, TrackError, VibrosweepError
+from vibrosweep.mistakes import Value, argument, cut
 from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
 
 LARGEST: Final = 1e9  # of any argument in SI units
@@ -26,20 +27,28 @@ def require_number(
     """Raise an error unless an argument is one number within the given limits."""
     if not (isinstance(value, Integral if whole else Real) and low <= value <= high):  # type: ignore[operator]
         kind = "a whole number" if whole else "a number"
-        raise error(f"{name} = {value!r}: must be {kind}, at least {low:g} and at most {high:g}")
+        rule = f": must be {kind}, at least {low:g} and at most {high:g}"
+        raise error(argument(name), Value(value), rule)
+
+
+def require_instance(name: str, value: object, kind: type) -> None:
+    """Raise an error unless an argument is an instance of a class."""
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIOU" else "a"
+        raise ParameterError(f"{name} = {cut(repr(value))}: must be {article} {kind.__name__}")
 
 
 def require_name(name: str, value: object) -> None:
     """Raise an error unless an argument is a text or None."""
     if value is not None and not (isinstance(value, str) and value):
-        raise TrackError(f"{name} = {value!r}: must be a name; leave it out for all")
+        raise TrackError(argument(name), Value(value), ": must be a name; leave it out for all")
 
 
 def require_parameter(name: str, value: object, *, of: str = "") -> None:
     """Raise an error unless an argument is in the range of the parameter `name`, or `of`."""
     parameter = KNOWN[of or name]
     if not (isinstance(value, Real) and parameter.accepts(float(value))):
-        raise ParameterError(f"{name} = {value!r}: must be {parameter.allowed}")
+        raise ParameterError(argument(name), Value(value), f": must be {parameter.allowed}")
 
 
 def require_range_of_frequencies(between: object) -> None:

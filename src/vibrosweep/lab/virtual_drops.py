@@ -13,6 +13,7 @@ from vibrosweep.lab.ballistics import flight_of
 from vibrosweep.lab.experiment import CONTACTS, LEVEL
 from vibrosweep.lab.paths import EXPONENT, Ball, LastingContact, Path, compress
 from vibrosweep.lab.recordings import Recording
+from vibrosweep.lab.variables import require_instance, require_number
 from vibrosweep.model.restitution_laws import (
     CONSTANT,
     range_mistake,
@@ -22,6 +23,7 @@ from vibrosweep.model.restitution_laws import (
 
 __all__ = ["FloorExperiment", "Truth", "film_drops", "hear_drops"]
 
+MOST_DROPS: Final = 10_000
 LEAST: Final = 0.02  # m s-1; a slower ball is at rest
 
 
@@ -173,6 +175,14 @@ def _path(truth: Truth, setup: FloorExperiment) -> Path:
     return Path(ball, LEVEL, start, truth.time, truth.apex, truth.rise, contacts[:-1])
 
 
+def _random(setup: FloorExperiment, drops: int, seed: int) -> np.random.Generator:
+    """Check the arguments of a recording, and return its random numbers."""
+    require_instance("setup", setup, FloorExperiment)
+    require_number("drops", drops, 1, MOST_DROPS, whole=True)
+    require_number("seed", seed, 0, whole=True)
+    return np.random.default_rng(seed)
+
+
 def film_drops(
     setup: FloorExperiment, drops: int = 1, seed: int = 0
 ) -> tuple[list[Recording], list[Truth]]:
@@ -199,7 +209,7 @@ def film_drops(
     >>> films[0].height.size > 200
     True
     """
-    rng = np.random.default_rng(seed)
+    rng = _random(setup, drops, seed)
     films, truths = [], []
     for k in range(drops):
         truth = _drop(setup, rng)
@@ -266,7 +276,7 @@ def hear_drops(
     >>> recordings[0].time.size, truth[0].speed.size
     (6, 6)
     """
-    rng = np.random.default_rng(seed)
+    rng = _random(setup, drops, seed)
     lists, truths = [], []
     for k in range(drops):
         truth = _drop(setup, rng)

@@ -306,16 +306,17 @@ def _headed(above: list[Row], width: int, source: str, sheet: str, before: Cells
 _NAMES: Final = {
     "time": "t time times zeit temps tempo tiempo tijd sec secs second seconds timestamp positiont "
     "timestamps clock",
-    "frame": "frame frames framenumber frameno frameindex bild",
+    "frame": "frame frames framenumber frameno frameindex bild slice slicen sliceno",
     "height": "y h height heights hoehe hohe altezza hauteur altura hoogte altitude positiony "
     "yposition posy ypos ycoordinate elevation",
     "depth": "z positionz zposition posz zpos",
     "horizontal": "x positionx xposition posx xpos xcoordinate",
-    "interval": "interval intervals dt deltat",
+    "interval": "interval intervals dt deltat intervall intervalle intervallo flighttime "
+    "flighttimes timeofflight flugzeit",
     "acceleration": "a acc accel acceleration accelerations beschleunigung",
-    "particle": "particle particleid track trackid ball object",
+    "particle": "particle particleid track trackid ball object kugel balle bille",
     "recording": "recording run drop trial film video file experiment series case throw group "
-    "measurement",
+    "measurement versuch messung durchgang essai mesure lancio prova ensayo",
 }
 _ROLES: Final = {name: role for role, names in _NAMES.items() for name in names.split()}
 _SECONDS: Final = {
