@@ -345,14 +345,22 @@ def flights_over(
                 raise TrackError(UNDETERMINED)
         levels = base.levels if isinstance(base, Rest) else _levels_below(base, samples)
         below = levels[samples.particle] + base.oscillation.height(samples.time)
-        fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
-        noise = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
-        member, fits = _keep_flights(samples, member, fits, below, noise, fall)
-        start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
-        piece, owner = samples.piece[start], samples.particle[start]
-        ends = _ends(
-            samples, member, fits, levels[owner], base.oscillation, fall, cut.contacts.drag
-        )
+        whole = np.zeros(0, bool)
+        while not whole.all() or not whole.size:
+            fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
+            rough = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
+            member, fits = _keep_flights(samples, member, fits, below, rough, fall)
+            start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
+            piece, owner = samples.piece[start], samples.particle[start]
+            ends = _ends(
+                samples, member, fits, levels[owner], base.oscillation, fall, cut.contacts.drag
+            )
+            # two stretches that overlap in time above the base belong to one flight
+            whole = np.ones(piece.size, bool)
+            whole[1:] = (fits.centre[1:] > ends.down[:-1]) & (fits.centre[:-1] < ends.up[1:])
+            whole[1:] |= np.diff(piece) != 0
+            member = np.append(np.cumsum(whole) - 1, -1)[member]
+        noise = rough
         if isinstance(base, BaseFit):
             contact = base.lasting(ends.fall, ends.down)
         junctions = join(fits, piece, ends, noise, fall, contact)
@@ -420,10 +428,9 @@ def _keep_flights(
     samples: Samples, member: Indices, fits: Fits, below: Array, noise: float, fall: float
 ) -> tuple[Indices, Fits]:
     """Select the stretches that rise clearly above the base, whose heights are `below`."""
-    path = fits.take(member).height(samples.time, fall)
-    clear = np.full(fits.number.size, -np.inf)
-    used = (member >= 0) & np.isfinite(path)
-    np.maximum.at(clear, member[used], (path - below)[used])
+    clear, used = np.full(fits.number.size, -np.inf), member >= 0
+    above = fits.take(member[used]).height(samples.time[used], fall) - below[used]
+    np.maximum.at(clear, member[used], np.nan_to_num(above, nan=-np.inf))
     resolved = np.flatnonzero((clear > LEAST_HEIGHT * noise) & (fits.number >= LEAST_SAMPLES))
     if not resolved.size:
         raise TrackError(
