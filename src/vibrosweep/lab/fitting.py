@@ -186,7 +186,10 @@ class Heights(NamedTuple):
         height, weight = self.height[own], self.error[own] ** -2.0
         if not height.size:
             return float("nan"), float("nan")
-        level = float(np.quantile(height, quantile, method="higher"))
+        # weighted, because two parts of one flight meet anywhere, but not accurately
+        order = np.argsort(height)
+        total = np.cumsum(weight[order])
+        level = float(height[order][np.searchsorted(total, quantile * total[-1])])
         for _ in range(LEVEL_ROUNDS):
             near = np.abs(height - level) * np.sqrt(weight) < ON_BASE
             if near.any():
@@ -211,20 +214,22 @@ def base_at_rest(samples: Samples, cut: Cut, known: float | None, exposure: floa
     contacts, particles = cut.contacts, int(samples.particle[-1]) + 1
     if known is not None:
         return Rest(np.full(particles, known), known, 0.0, np.zeros(0, bool))
-    meetings, rests = _meetings(contacts), _rests(samples, cut, exposure)
+    # bounces too low to be seen rise above the base by less than the height of a flight
+    least = LEAST_HEIGHT * contacts.noise
+    lowest = [np.quantile(samples.height[samples.particle == p], LOWEST) for p in range(particles)]
+    meetings, rests = (
+        one.take(one.height < np.array(lowest)[one.particle] + least + ON_BASE * one.error)
+        for one in (_meetings(contacts), _rests(samples, cut, exposure))
+    )
     level = low_points(samples, contacts.noise, None)[1]
     base = Rest(np.full(particles, level), level, float("nan"), np.zeros(particles, bool))
     base = _levels(base, meetings, rests, 0.5)
-    stays, count = base.stays, np.bincount(contacts.particle, None, particles)
-    # bounces too low to be seen rise above the base by less than the height of a flight
-    least = LEAST_HEIGHT * contacts.noise
+    count = np.bincount(meetings.particle, None, particles)
     for p in np.unique(rests.particle):
-        level, _ = rests.level(p, 1.0 - FROM_ABOVE)
-        below = np.quantile(samples.height[samples.particle == p], LOWEST)
-        often = np.sum(rests.particle == p) > STAYS * count[p]
         met = meetings.level(p, FROM_ABOVE)[0] if count[p] else base.level
-        high = np.isnan(base.error) or level > met + least
-        stays[p] = often and high and level < below + least
+        above = rests.level(p, 1.0 - FROM_ABOVE)[0] > met + least
+        often = np.sum(rests.particle == p) > STAYS * count[p]
+        base.stays[p] = often and (np.isnan(base.error) or above)
     return _levels(base, meetings, rests, 1.0 - FROM_ABOVE)
 
 
