@@ -623,6 +623,8 @@ class FittedTracks(NamedTuple):
 def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> FittedTracks:  # noqa: B008
     """Find and fit the flights of tracks; raise the errors of `find_impacts`."""
     _check_setup(gravity, setup)
+    if setup.trace is not None:
+        setup = setup._replace(trace=setup.trace._replace(gravity=gravity))
     if "base_height" in tracks:
         if setup.trace is not None:
             raise TrackError("a trace and a mark on the base are given: leave one of them out")
