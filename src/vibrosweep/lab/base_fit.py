@@ -252,9 +252,9 @@ LONGEST_CONTACT: Final = 5e-3  # s
 INSTANT: Final = Input(0.0, 1e-9)
 SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # trial values of the scatter of e
 # Effects of G on a Hertz contact relative to those on a dashpot, less 1: a + e on the speed, and
-# b - c e on the duration; those of its change: d e^2 - f on the speed; and h, which is absolute, on
-# the duration
-HERTZ: Final = (0.06, 0.35, 0.75, 0.245, 0.198, 0.022)
+# b - c e on the duration; those of its change: d e^2 - f on the speed; and absolute, that of its
+# change on the duration, and that of the square of G on the speed
+HERTZ: Final = (0.06, 0.35, 0.75, 0.245, 0.198, 0.022, 0.015)
 TOGETHER: Final = (0.1, 0.041)  # times e^-1/2 on the speed, times 1/e on the duration
 CURVED: Final = 0.0476  # weight of the second derivative of G, for both laws and every e
 MOST_PUSH: Final = 0.7  # G tau / v; at more, a ball hardly leaves
@@ -513,7 +513,7 @@ class Problem(NamedTuple):
             longer = last - 1.0
             with np.errstate(divide="ignore", invalid="ignore"):
                 last = np.clip(last - (free + push * given) / rate, 0.5, 2.0)
-        slower = (e + rate) * (1.0 + share * (e + HERTZ[0]))
+        slower = (e + rate) * (1.0 + share * (e + HERTZ[0])) + share * HERTZ[6] * push**2
         # a change of G during the contact, alone and together with G
         z, change = complex(-decay, np.pi), jerk * unit**2 / speed
         area = (1.0 + e) / (np.pi**2 + decay**2)
