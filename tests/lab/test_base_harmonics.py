@@ -1,5 +1,6 @@
 """Bases whose motion is not a sine: films, traces, and the parameters found from both."""
 
+import json
 import math
 import tomllib
 
@@ -7,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from vibrosweep.cli import main
 from vibrosweep.errors import TrackError
@@ -17,6 +20,7 @@ from vibrosweep.lab.impacts import find_impacts
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.recordings import read_tracks
 from vibrosweep.lab.traces import (
+    base_motion,
     make_trace,
     names_of,
     polar,
@@ -28,6 +32,7 @@ from vibrosweep.lab.tracks import with_mark
 from vibrosweep.lab.trials import perform_trials
 from vibrosweep.model.shapes import SINE, Waveform
 from vibrosweep.scene.scene import stored
+from vibrosweep.scene.sweep import parse_spec
 
 FREQUENCY = LABORATORY["frequency"]
 TIME = np.arange(1500) / 500.0
@@ -237,3 +242,68 @@ def test_a_trace_has_the_true_scale_where_that_of_the_film_is_off(film, measured
         own = found.sel(parameter=name)
         assert abs(own["estimate"] - true) < 4.0 * own["error"], name
     assert found.sel(parameter="amplitude")["error"] < 5e-4 * TRUTH["amplitude"]
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    quantity=st.sampled_from(["height", "acceleration"]),
+    frequency=st.floats(2.0, 60.0),
+    velocity=st.floats(0.02, 2.0),
+    phase=st.floats(-math.pi, math.pi),
+    tones=st.lists(
+        st.tuples(st.floats(0.05, 0.5), st.floats(-math.pi, math.pi)), min_size=0, max_size=2
+    ),
+    drift=st.floats(-1.0, 1.0),
+    clock=st.sampled_from([0.0, 1_764_194_400.0]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_measured_motion_of_any_base_is_within_its_errors(
+    quantity, frequency, velocity, phase, tones, drift, clock, seed
+):
+    """Six standard errors of each number: in 25 examples chance failures are negligible."""
+    every = ((1, 1.0, 0.0), *((h, *tone) for h, tone in enumerate(tones, 2)))
+    shape = Waveform("harmonics", every) if tones else SINE
+    time = np.arange(2000) / 1000.0
+    turns = frequency * time + phase / (2.0 * math.pi)
+    if quantity == "height":
+        values = velocity / frequency * shape.height(turns)
+    else:
+        values = velocity * frequency * shape.slope(turns)
+    noise = 0.01 * values.std()
+    values += noise * np.random.default_rng(seed).standard_normal(time.size) + drift * noise * time
+    found = base_motion(make_trace(clock + time, values, quantity))
+    truth = {"base_velocity": velocity, "phase": phase, "frequency": frequency}
+    for h, (weight, psi) in enumerate(tones, 2):
+        truth |= {f"weight_{h}": weight, f"phase_{h}": psi}
+    for name in found["parameter"].values:
+        one = found.sel(parameter=name, other=name)
+        off = float(one["estimate"]) - truth.get(name, 0.0)
+        if name.startswith("phase"):
+            off = (off + math.pi) % (2.0 * math.pi) - math.pi
+        assert abs(off) < 6.0 * float(one["error"])
+    dense = np.linspace(0.0, 1.0, 20001)
+    peaks = {
+        "base_displacement": np.abs(np.ptp(shape.height(dense))) / 2.0 * velocity / frequency,
+        "base_acceleration": -shape.slope(dense).min() * velocity * frequency / 9.81,
+    }
+    for name, peak in peaks.items():
+        error = float(found[f"{name}_error"])
+        assert abs(float(found[name]) - peak) < 6.0 * error + 1e-6 * peak, name
+
+
+@pytest.mark.parametrize("shape", [SINE, TWO_TONES])
+def test_the_base_command_prints_keys_of_a_sweep_file(tmp_path, capsys, shape):
+    path = tmp_path / "base.csv"
+    pd.DataFrame({"time (s)": TIME, "height (mm)": 1e3 * trace(shape)}).to_csv(path, index=False)
+    assert main(["lab", "base", str(path)]) == 0
+    printed = capsys.readouterr().out
+    keys = printed[printed.index("in a sweep file:") :].split("\n", 1)[1]
+    scene = parse_spec(f'title = "shaken"\n[scene]\nduration = 1.0\n{keys}').scene
+    turns = scene.inputs["frequency"] * TIME + scene.inputs["phase"] / (2.0 * math.pi)
+    size = scene.inputs["base_velocity"] / scene.inputs["frequency"]
+    height = size * scene.waveform.height(turns)
+    np.testing.assert_allclose(height, trace(shape, noise=0.0), atol=5e-6)
+    assert main(["lab", "base", str(path), "--json"]) == 0
+    (numbers,) = json.loads(capsys.readouterr().out)["traces"]
+    assert numbers["base_displacement"] == pytest.approx(np.ptp(height) / 2.0, abs=5e-6)
+    assert numbers["units"][:3] == ["m s-1", "rad", "Hz"]

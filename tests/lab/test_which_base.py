@@ -14,7 +14,7 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.flights import contradicts
-from vibrosweep.lab.impacts import find_impacts, gravity_of, impacts_of, inputs_of
+from vibrosweep.lab.impacts import find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.recordings import Recording
 from vibrosweep.lab.regression import FAR, is_improbable, robust_covariance
@@ -218,14 +218,40 @@ def test_errors_from_residuals_are_right_if_the_noise_differs_from_the_assumed_o
     assert is_improbable(misfit, x.size - 2)
 
 
+@pytest.mark.parametrize(("lasting", "contact"), [(5e-4, "hertz"), (2.5e-3, "dashpot")])
+def test_contacts_that_last_need_no_option(lasting, contact):
+    """Four standard errors; with instantaneous impacts no base fits these films."""
+    scene = {**LABORATORY, "restitution": 0.7, "amplitude": 0.22, "base": "moving"}
+    plan = Experiment(
+        **scene,
+        particles=2,
+        repeats=1,
+        transient=0.0,
+        duration=2.0,
+        camera=Camera(frame_rate=480.0, pixel=3e-5),
+        variation=Variation(scatter=0.004, contact_time=lasting, contact=contact),
+        seed=3,
+    )
+    found = find_impacts(perform_trials(plan)[0].tracks, frequency=20.0)
+    assert found.attrs["favoured_base"] == "moving"
+    assert abs(float(found["contact"]) - lasting) < 4.0 * float(found["contact_error"]) + 1e-4
+    measured = estimate(found)
+    assert int(measured["determined"])
+    for name in ("restitution", "phase"):
+        one = measured.sel(parameter=name, other=name)
+        assert abs(float(one["estimate"]) - scene[name]) < 4.0 * float(one["error"]), name
+
+
 def test_a_contact_time_is_used_refused_or_reported():
     """A film over a shaken base whose contacts are instantaneous, and times alone."""
     scene = {**LABORATORY, "restitution": 0.7, "amplitude": 0.2, "base": "moving"}
     how = {"particles": 2, "repeats": 1, "transient": 0.0, "duration": 3.0}
     plan = Experiment(**scene, **how)
     tracks = perform_trials(plan)[0].tracks
-    zero, default = (inputs_of(one, None, None, gravity_of(G)) for one in (0, None))
-    assert zero == default
+    by_default, instant = (
+        find_impacts(tracks, frequency=20.0, **how) for how in ({}, {"contact": 0})
+    )
+    xr.testing.assert_identical(by_default, instant)
     found = find_impacts(tracks, frequency=20.0, contact=(2e-5, 2e-4))
     assert found["contact"] >= 0.0
     assert "contacts last at most" in "\n".join(impact_lines(found))

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from vibrosweep.lab.recordings import read_tracks as read_tracks
     from vibrosweep.lab.recordings import tracks_from_frame as tracks_from_frame
     from vibrosweep.lab.shaken_times import times_on_shaker as times_on_shaker
+    from vibrosweep.lab.traces import base_motion as base_motion
     from vibrosweep.lab.traces import read_trace as read_trace
     from vibrosweep.lab.tracks import make_tracks as make_tracks
     from vibrosweep.lab.trials import perform_trials as perform_trials
@@ -47,7 +48,7 @@ _HOMES: Final = {
         "impacts": "agreement find_impacts quantities",
         "recordings": "Recording read_recordings read_tracks tracks_from_frame",
         "shaken_times": "times_on_shaker",
-        "traces": "read_trace",
+        "traces": "base_motion read_trace",
         "tracks": "make_tracks",
         "trials": "perform_trials predicted_means",
         "virtual_drops": "FloorExperiment film_drops hear_drops",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -13,7 +13,7 @@ from scipy.optimize import OptimizeResult, brentq, least_squares, minimize_scala
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.ballistics import Input
+from vibrosweep.lab.ballistics import CONTACT, POWER, SHARE, Input, from_range
 from vibrosweep.lab.flights import (
     Fits,
     Samples,
@@ -249,8 +249,6 @@ MOST_STEPS: Final = 30
 ACCURATE: Final = 1e-6  # relative change of chi-square at which a fit has converged
 STEPS: Final = (1e-6, 1e-7, 1e-7, 1e-8)  # of e, S, C and f in finite differences
 LONGEST_CONTACT: Final = 5e-3  # s
-# Default contact time, 0: bounces too low to be seen look like long contacts, and so do the kicks
-# of a base at a constant level
 INSTANT: Final = Input(0.0, 1e-9)
 SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # trial values of the scatter of e
 # Effects of G on a Hertz contact relative to those on a dashpot, less 1: a + e on the speed, and
@@ -279,6 +277,10 @@ class Inputs(NamedTuple):
     share: Input = Input(0.0)  # of a Hertz contact, the rest a dashpot, in the effects of G
     contact: Input = INSTANT  # contact time at 1 m/s, s
 
+    def lasting(self, contact: Input | None = None) -> Inputs:
+        """Return the same with contacts of a given duration (s), by default the usual one."""
+        return self._replace(power=POWER, share=SHARE, contact=contact or from_range(*CONTACT))
+
     @property
     def instant(self) -> Inputs:
         """The same with instantaneous impacts."""
@@ -287,8 +289,7 @@ class Inputs(NamedTuple):
     @property
     def firm(self) -> Inputs:
         """The same without errors except that of the contact time."""
-        gravity, drag, power, share = (Input(one.value) for one in self[:-1])
-        return Inputs(gravity, drag, power, share, self.contact)
+        return Inputs._make([*(Input(one.value) for one in self[:-1]), self.contact])
 
 
 COUNT: Final = len(Inputs._fields)
@@ -713,15 +714,16 @@ def without_outliers(
     """
     for _ in range(ROUNDS):
         problem, limit = problem.with_likely_scatter(values, chosen)
-        found = least_squares(
-            problem.whitened,
-            values,
-            problem.derivatives,
-            x_scale=scale,
-            ftol=ACCURATE,
-            args=(chosen,),
-            max_nfev=MOST_STEPS,
-        )
+        with np.errstate(over="ignore"):  # in trial steps
+            found = least_squares(
+                problem.whitened,
+                values,
+                problem.derivatives,
+                x_scale=scale,
+                ftol=ACCURATE,
+                args=(chosen,),
+                max_nfev=MOST_STEPS,
+            )
         used, values, chosen = chosen, found.x, problem.inliers(found.x)
     return problem, found, used, limit
 
@@ -776,19 +778,16 @@ WORSE: Final = 4.0
 
 
 def which_base(
-    contacts: Contacts,
-    frequency: float | None = None,
-    inputs: Inputs | None = None,
-    known: bool = False,
+    contacts: Contacts, frequency: float | None, inputs: Sequence[Inputs], known: bool = False
 ) -> tuple[str, BaseFit | None]:
     """Fit a moving base and one at a constant level to contacts, and compare them.
 
     Returns ``"moving"``, ``"level"`` or ``"undetermined"``, and the fit of a moving base; None for
     contacts that do not determine the motion, such as those of a locked orbit, all at one phase.
-    The frequency (Hz) is estimated if it is None; `inputs` are as in `fit_base`.
+    The frequency (Hz) is estimated if it is None; `inputs` are as in `likeliest`.
     If the base is `known` to move, that at a constant level is not tried.
     """
-    few, firm = contacts.earliest(MOST), (inputs or Inputs(Input(contacts.gravity))).firm
+    few = contacts.earliest(MOST)
     if _too_few(few):
         return "undetermined", None
     free = frequency is None
@@ -796,21 +795,31 @@ def which_base(
     rates = [rate for rate in rates if _signal(few, rate) >= LEAST_SIGNAL]
     if not rates:
         return "undetermined", None
-    tried = [
-        [
-            fit_base(few, rate, free=free, moves=moves, inputs=one)
-            for rate in _worth_a_fit(few, rates, free, moves, one)
-        ]
-        for moves, one in ((True, firm), (False, firm.instant))[: 1 if known else 2]
-    ]
+
+    def best(moves: bool, inputs: Inputs) -> BaseFit:
+        worth = _worth_a_fit(few, rates, free, moves, inputs)
+        fits = [fit_base(few, rate, free=free, moves=moves, inputs=inputs) for rate in worth]
+        return min(_with_scatter(*fits), key=_distance)
+
+    moving = likeliest(inputs, lambda one: best(True, one.firm))
     if known:
-        return "moving", min(tried[0], key=_distance)
-    # with the same scatter, the smallest, lest a large scatter hide the residuals of a worse fit
-    scatter = min(fit.problem.scatter for fits in tried for fit in fits)
-    moving, level = (
-        min((_with_scatter(fit, scatter) for fit in fits), key=_distance) for fits in tried
-    )
-    return _preferred(moving, level), moving
+        return "moving", moving
+    return _preferred(*_with_scatter(moving, best(False, inputs[0].firm.instant))), moving
+
+
+def likeliest(inputs: Sequence[Inputs], fit: Callable[[Inputs], BaseFit]) -> BaseFit:
+    """Return the fit with the first of the `inputs`, or another that is significantly better.
+
+    By default contacts that last come second, because bounces too low to be seen look like them.
+    """
+    best, *others = map(fit, inputs)
+    for other in others:
+        better, worse = _with_scatter(other, best)
+        if not _is_wrong(other) and (
+            _is_wrong(best) or fits_better(better.distance, worse.distance)
+        ):
+            best = other
+    return best
 
 
 def _worth_a_fit(
@@ -832,13 +841,19 @@ def moves(moving: BaseFit) -> bool:
         return False
     rate = moving.oscillation.frequency
     level = fit_base(contacts, rate, free=free, moves=False, inputs=moving.problem.inputs.instant)
-    scatter = min(moving.problem.scatter, level.problem.scatter)
-    return _preferred(_with_scatter(moving, scatter), _with_scatter(level, scatter)) == "moving"
+    return _preferred(*_with_scatter(moving, level)) == "moving"
 
 
-def _with_scatter(fit: BaseFit, scatter: float) -> BaseFit:
-    """Return a fit with the distances of its contacts evaluated for another scatter."""
-    return fit._replace(distance=fit.problem._replace(scatter=scatter).distance(fit.values))
+def _with_scatter(*fits: BaseFit) -> list[BaseFit]:
+    """Return fits with distances of their contacts for the same scatter, the smallest.
+
+    A large scatter would hide the residuals of a worse fit.
+    """
+    scatter = min(fit.problem.scatter for fit in fits)
+    return [
+        fit._replace(distance=fit.problem._replace(scatter=scatter).distance(fit.values))
+        for fit in fits
+    ]
 
 
 def _too_few(contacts: Contacts) -> bool:
@@ -853,12 +868,16 @@ def _preferred(moving: BaseFit, level: BaseFit) -> str:
     """
     for favoured, better, worse in (("moving", moving, level), ("level", level, moving)):
         if fits_better(better.distance, worse.distance):
-            return "undetermined" if is_unphysical(better.values, better.covariance) else favoured
+            return "undetermined" if _is_wrong(better) else favoured
     return "undetermined"
 
 
-def _distance(moving: BaseFit) -> tuple[bool, float]:
-    return is_unphysical(moving.values, moving.covariance), float(moving.distance.sum())
+def _is_wrong(fit: BaseFit) -> bool:
+    return is_unphysical(fit.values, fit.covariance)
+
+
+def _distance(fit: BaseFit) -> tuple[bool, float]:
+    return _is_wrong(fit), float(fit.distance.sum())
 
 
 def _signal(contacts: Contacts, frequency: float) -> float:

@@ -40,13 +40,8 @@ from vibrosweep.lab.regression import (
     widen,
     with_speed,
 )
-from vibrosweep.lab.traces import names_of, polar, slopes_of_sizes
-from vibrosweep.lab.variables import (
-    require_parameter,
-    require_range_of_frequencies,
-    with_units,
-)
-from vibrosweep.model.parameters import OF_RESTITUTION, PARAMETERS
+from vibrosweep.lab.traces import names_of, parameters_dataset, polar, sizes_of
+from vibrosweep.lab.variables import require_parameter, require_range_of_frequencies
 from vibrosweep.model.restitution_laws import CONSTANT, PLASTIC, SPEED, restitution_at
 from vibrosweep.model.shapes import Waveform
 
@@ -478,31 +473,18 @@ def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     change[1, :2] = velocity, 1.0 + e
     kicks = plain.copy()
     kicks[1] = (1.0 + e) * velocity
-    # relative derivatives of displacement and acceleration, V0 / w and w V0 / g for a sine
-    relative = np.zeros((2, values.size))
-    relative[:, 1] = 1.0 / velocity
     names = ["restitution", "amplitude", "phase"]
     if "frequency" in of_base:
         names += ["frequency", *names_of(numbers)]
-        relative[:, 3] = -1.0 / rate, 1.0 / rate
-        relative[:, 4 : len(names)] = slopes_of_sizes(shape, numbers)
     names += [SPEED] * (SPEED in of_base)
-    size = np.array(
-        [velocity / (shape.per_displacement * rate), shape.fall * rate * velocity / gravity]
-    )
-    error = size * np.sqrt(np.einsum("ki,ij,kj->k", relative, spread, relative))
     covariance = change @ spread @ change.T
     misfit, freedom = float(impacts["shaken_misfit"]), int(impacts["shaken_freedom"])
     about = {
         "misfit": (misfit, "1", "chi-square per degree of freedom"),
         "bounces": (float(impacts["shaken_bounces"]), "1", "bounces used"),
         "frequency_used": (rate, "Hz", "forcing frequency"),
-        "base_displacement": (size[0], "m", "peak displacement of the base"),
-        "base_displacement_error": (error[0], "m", "its standard error"),
-        "base_acceleration": (size[1], "1", "peak acceleration in units of gravity"),
-        "base_acceleration_error": (error[1], "1", "its standard error"),
-        # results written by an earlier version have none of these
-        **{k: (float(impacts[k]), *about) for k, about in OF_BOUNCES.items() if k in impacts},
+        **sizes_of(plain, spread, shape, numbers, gravity, rate),
+        **{k: (float(impacts[k]), *about) for k, about in OF_BOUNCES.items()},
     }
     warnings = _warnings(SIGNAL, kicks, covariance, misfit, freedom)
     found = _estimate_dataset(names, kicks, covariance, about, warnings, shape)
@@ -520,26 +502,11 @@ def _estimate_dataset(
     shape: Waveform,
 ) -> xr.Dataset:
     """Dataset of `estimate`; the first warning is the reason why parameters are not determined."""
-    known = {**PARAMETERS, **OF_RESTITUTION}
-    units = [
-        known[n].units if n in known else "1" if n.startswith("weight") else "rad" for n in names
-    ]
-    error = np.sqrt(np.diag(covariance))
-    return xr.Dataset(
-        {
-            "estimate": ("parameter", values, {"long_name": "estimate"}),
-            "error": ("parameter", error, {"long_name": "standard error"}),
-            "covariance": (("parameter", "other"), covariance, {"long_name": "covariance"}),
-            "determined": (
-                (),
-                np.int8(not warnings[0]),
-                {"long_name": "the orbit determines them"},
-            ),
-            **with_units((), about),
-        },
-        coords={"parameter": names, "other": names, "units": ("parameter", units)},
-        attrs={"warning": "; ".join(filter(None, warnings)), "waveform": shape.text},
+    determined = (np.int8(not warnings[0]), "1", "the orbit determines them")
+    found = parameters_dataset(
+        names, values, covariance, {"determined": determined, **about}, shape
     )
+    return found.assign_attrs(warning="; ".join(filter(None, warnings)))
 
 
 def fit_phase(

@@ -30,6 +30,7 @@ from vibrosweep.lab.base_fit import (
     covariance_of_fit,
     find_contacts,
     fit_base,
+    likeliest,
     moves,
     which_base,
     without_drag,
@@ -604,7 +605,9 @@ class Setup(NamedTuple):
     motion: str = "detect"
     frequency: float | None = None  # frequency of the forcing in Hz; None if unknown
     trace: Trace | None = None  # measured motion of a moving base
-    inputs: Inputs | None = None  # of flights and contacts over a moving base
+    # Of flights and contacts over a moving base, as in `likeliest`; by default impacts are
+    # instantaneous, or last if this fits significantly better
+    inputs: Sequence[Inputs] = ()
     laws: bool = True  # fit the laws of restitution over a moving base
 
 
@@ -650,7 +653,7 @@ def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> Fi
             flights, favoured = _flights(samples, gravity, setup)
     except TrackError as error:
         raise TrackError(f"{tracks.attrs['source']}: {error}") from error
-    lasts = INSTANT if setup.inputs is None else setup.inputs.contact
+    lasts = setup.inputs[0].contact if setup.inputs else INSTANT
     if flights.base_fit is None and lasts != INSTANT:
         raise TrackError(
             f"{tracks.attrs['source']}: contact = {lasts.value:.2g} s is given, which "
@@ -667,14 +670,15 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
     if level and setup.trace is None:
         return _over_rest(samples, gravity, setup), "level"
     fall, favoured, problem = gravity, "level", TrackError(UNDETERMINED)
-    inputs = setup.inputs or Inputs(Input(gravity))
+    instant = Inputs(Input(gravity))
+    inputs = setup.inputs or (instant, instant.lasting())
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
-        if inputs.gravity.error:
-            own = with_gravity(inputs, samples, cut.member, cut.contacts.noise)
+        if inputs[0].gravity.error:
+            own = with_gravity(inputs[0], samples, cut.member, cut.contacts.noise)
             fall = own.gravity.value
             cut = find_contacts(samples, fall)
-        flying, drag = samples, inputs.drag.value
+        flying, drag = samples, inputs[0].drag.value
         if drag:  # it would bend long flights into two
             flying = without_drag(samples, cut.member, fall, drag)
             cut = find_contacts(flying, fall)
@@ -690,7 +694,7 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
             if not contradicts(found, error, assumed):
                 laws = _fit_laws(over.base_fit) if setup.laws else ()
                 over = over._replace(laws=laws)
-                if inputs.gravity.error:
+                if inputs[0].gravity.error:
                     over = over._replace(gravity=assumed, gravity_error=spread)
                 return over, favoured
         elif not contradicts(found, error, fall):
@@ -699,8 +703,9 @@ def _flights(samples: Samples, gravity: float, setup: Setup) -> tuple[Flights, s
         if not near_gravity(found, gravity):
             break
         fall = found
-        if not inputs.gravity.error:  # the scale is off by an unknown amount
-            inputs = inputs._replace(gravity=Input(fall, WRONG_SCALE * fall))
+        if not inputs[0].gravity.error:  # the scale is off by an unknown amount
+            scale = Input(fall, WRONG_SCALE * fall)
+            inputs = [one._replace(gravity=scale) for one in inputs]
     if over is not None:  # the flights over this base contradict the assumed acceleration
         favoured = "undetermined"
         problem = TrackError(
@@ -732,24 +737,30 @@ def _over_rest(samples: Samples, gravity: float, setup: Setup) -> Flights:
 
 
 def _over_moving(
-    samples: Samples, cut: Cut, setup: Setup, inputs: Inputs
+    samples: Samples, cut: Cut, setup: Setup, inputs: Sequence[Inputs]
 ) -> tuple[str, Flights | None]:
     """Return the base favoured by contacts, and the flights over it if it moves, else None."""
-    own = with_gravity(inputs, samples, cut.member, cut.contacts.noise)
+    own = [with_gravity(one, samples, cut.member, cut.contacts.noise) for one in inputs]
     if setup.trace is None:
         favoured, base_fit = which_base(
             cut.contacts, setup.frequency, own, setup.motion == "moving"
         )
     else:
-        favoured, rate = "moving", float(setup.trace.values[2])
-        base_fit = fit_base(
-            cut.contacts, rate, free=True, moves=True, trace=setup.trace, inputs=own
+        favoured, trace = "moving", setup.trace
+        rate = float(trace.values[2])
+        base_fit = likeliest(
+            own,
+            lambda one: fit_base(
+                cut.contacts, rate, free=True, moves=True, trace=trace, inputs=one
+            ),
         )
     detected = setup.motion == "detect" and setup.trace is None
     if base_fit is None or (detected and favoured != "moving"):
         return favoured, None
-    over = flights_over(samples, cut, base_fit, setup.exposure, inputs)
-    correct = "" if inputs.contact == INSTANT else ", or correct the contact time"
+    lasting = base_fit.problem.inputs.contact
+    chosen = next(one for one in inputs if one.contact == lasting)
+    over = flights_over(samples, cut, base_fit, setup.exposure, chosen)
+    correct = "" if lasting == INSTANT else ", or correct the contact time"
     above = float(over.junctions.overlapping.mean()) if over.junctions.before.size else 0.0
     if above > TURNED_ABOVE:
         raise TrackError(

@@ -182,10 +182,8 @@ def _inputs(found: xr.Dataset) -> list[str]:
         factor, unit = units.get(str(name), (1.0, "m"))
         one = found.sel(input=name)
         value, error = factor * float(one["input_value"]), factor * float(one["input_error"])
-        lines.append(
-            f"{str(name).replace('_', ' ')} {value:.3g} ± {error:.2g} {unit}: contributes "
-            f"{float(one['input_effect']):.2g} to the error of e"
-        )
+        words = f"{str(name).replace('_', ' ')} {value:.3g} ± {error:.2g} {unit}".strip()
+        lines.append(f"{words}: contributes {float(one['input_effect']):.2g} to the error of e")
     effect = float(found["drag_effect"])
     if np.isfinite(effect):
         lines.append(
@@ -275,14 +273,38 @@ def _base_lines(impacts: xr.Dataset) -> list[str]:
     ]
 
 
+def motion_lines(found: xr.Dataset, source: str, origin: float) -> list[str]:
+    """Report the measured motion of a base, the result of `base_motion`."""
+    values = dict(zip(found["parameter"].values.tolist(), found["estimate"].values, strict=True))
+    errors = dict(zip(found["parameter"].values.tolist(), found["error"].values, strict=True))
+    velocity, phase, frequency = (
+        with_error(values[k], errors[k], 8) for k in ("base_velocity", "phase", "frequency")
+    )
+    size, gamma = (
+        (float(found[name]), float(found[f"{name}_error"]))
+        for name in ("base_displacement", "base_acceleration")
+    )
+    clock = f"on a clock that starts at {origin:.0f} s of the trace" if origin else "at t = 0"
+    keys = {k: float(f"{values[k]:.8g}") for k in ("frequency", "base_velocity", "phase")}
+    shape = _harmonic_lines(found)
+    return [
+        f"{source}: frequency {frequency} Hz",
+        f"  displacement {with_error(1e3 * size[0], 1e3 * size[1], 5)} mm, acceleration "
+        f"{with_error(*gamma, 5)} of gravity, velocity {velocity} m/s",
+        f"  phase {phase} rad {clock}",
+        *(f"  {line}" for line in shape[:1]),
+        "in a sweep file:",
+        *(f"{key} = {toml(value)}" for key, value in keys.items()),
+        *(line.removeprefix("in a sweep file: ") for line in shape[1:]),
+    ]
+
+
 def _lines_of_bounces(found: xr.Dataset) -> list[str]:
     """Report contact time and scatter of the restitution, or their upper limits."""
-    if "contact" not in found:
-        return []
     contact, error, effect, scatter, limit = (float(found[name]) for name in OF_BOUNCES)
     scattered = f"{scatter:.2g}, " if scatter > SCATTERS * limit else "not detected, "
     lines = [f"scatter of e from bounce to bounce {scattered}at most {limit:.2g} (95 %)"]
-    if error > INSTANT.error:  # a contact time was given
+    if error > INSTANT.error:  # contacts last
         lasts = f"last {with_error(1e3 * contact, 1e3 * error)} ms"
         if contact < SEEN * error:
             lasts = f"last at most {1e3 * max(contact + ONE_SIDED * error, 0.0):.2g} ms (95 %)"

@@ -4,34 +4,32 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
-from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array
 from vibrosweep.errors import TrackError, require_one_of
 from vibrosweep.lab.base_fit import Trace
 from vibrosweep.lab.recordings import files_of
-from vibrosweep.lab.regression import TWO_PI
 from vibrosweep.lab.tracks import check_size, rate_of
-from vibrosweep.lab.variables import require_name
+from vibrosweep.lab.variables import KNOWN, require_name, require_parameter, with_units
 from vibrosweep.model.shapes import HARMONICS_NAME, MOST_HARMONICS, SINE, Waveform
 from vibrosweep.scene.tables import origin_of, read_content, strongest_rate
-from vibrosweep.scene.traces import series_of, waves
+from vibrosweep.scene.traces import columns_of, fit_harmonics, series_of, without_trend
 
-__all__ = ["QUANTITIES", "make_trace", "read_trace"]
+__all__ = ["QUANTITIES", "base_motion", "make_trace", "read_trace"]
 
 # -----------------------------------------------------------------------------
 # Measured motion of the base, from its track or an accelerometer, fitted with harmonics.
 #
-# The fit consists of a constant and harmonics 1 to H of one frequency.  H, from 1 (a sine) to 16,
+# The fit consists of mean, trend and harmonics 1 to H of one frequency.  H, from 1 (a sine) to 16,
 # and the frequency, a simple fraction of that of the strongest harmonic, minimise Schwarz's
 # criterion
 #
-#     n ln s^2 + (2 H + 2) ln n
+#     n ln s^2 + (2 H + 3) ln n
 #
 # for n values, where s^2 is the variance of the residuals, or that of rounding to the resolution
 # of the trace if this is larger, because periodic rounding errors look like harmonics.
@@ -41,7 +39,6 @@ FEWEST: Final = 20  # values of a trace
 # Largest fraction of the variance that harmonics may leave unexplained
 UNEXPLAINED: Final = 0.1
 FEWEST_PERIODS: Final = 2.0  # of a motion that is not a sine
-CLOSE: Final = 1e-15  # relative change of the values or of the sum of squares at convergence
 SAME: Final = 1e-9  # difference of two values, relative to their range, possible from rounding
 LEAST: Final = 1e-30  # smallest significant change of a height (m) or acceleration (m s-2)
 
@@ -96,7 +93,7 @@ def read_trace(path: str | os.PathLike[str], *, column: str | None = None) -> Tr
 def make_trace(
     time: ArrayLike, values: ArrayLike, quantity: str, source: str = "the trace"
 ) -> Trace:
-    """Fit harmonics and a constant to the measured height (m) or acceleration (m s-2) of a base.
+    """Fit harmonics, mean and trend to the measured height (m) or acceleration (m s-2) of a base.
 
     Times (s) increase at a nearly constant rate; `quantity` is one of `QUANTITIES`, `source` a name
     in messages.  Raises a TrackError if there are too few values, if times do not increase, or if
@@ -116,26 +113,142 @@ def make_trace(
             f"{source}: the {quantity} does not change: leave the trace out, and choose a base at "
             f"a constant level"
         )
-    strongest = strongest_rate(when, measured - measured.mean())
     origin = origin_of(when)
-    when = when - origin
-    middle = float(when.mean())  # makes the errors of phase and frequency almost uncorrelated
-    rate, harmonics = _choose_harmonics(when - middle, measured, strongest, sampled)
-    fit = _fit(when - middle, measured, rate, harmonics)
-    if fit.values[-1] * np.ptp(when) < 1.0:  # less than a period may be a drift
-        raise TrackError(
-            f"{source}: the {quantity} contains no whole period of a sine: check the columns, "
-            f"take a longer trace, or leave it out and let the landings determine the motion"
-        )
-    if not fit.variance < UNEXPLAINED * measured.var():
+    middle = float((when - origin).mean())
+    since = when - origin - middle
+    moved = without_trend(since, measured)
+    drifts = TrackError(
+        f"{source}: the {quantity} contains no whole period of a sine: check the columns, "
+        f"take a longer trace, or leave it out and let the landings determine the motion"
+    )
+    if np.ptp(moved) < SAME * np.ptp(measured):
+        raise drifts
+    tone = strongest_rate(since, moved)
+    rate, harmonics = _choose_harmonics(since, measured - measured.mean(), tone, sampled)
+    fit = fit_harmonics(since, measured, rate, harmonics)
+    if fit.values[-1] * np.ptp(since) < 1.0:
+        raise drifts
+    if not fit.variance < UNEXPLAINED * moved.var():
         raise TrackError(
             f"{source}: {'a sine leaves' if harmonics == 1 else f'{harmonics} harmonics leave'} "
-            f"{100.0 * fit.variance / measured.var():.0f} % of the variance of the {quantity}; at "
+            f"{100.0 * fit.variance / moved.var():.0f} % of the variance of the {quantity}; at "
             f"most {100.0 * UNEXPLAINED:.0f} % is taken for noise. Only a periodic "
             f"motion can be used: check the columns, or leave the trace out and let the "
             f"landings determine the motion"
         )
-    return _velocities(fit, middle, quantity)._replace(origin=origin)
+    values, covariance = fit.of_velocity(middle, quantity)
+    pairs = values[:-1].reshape(-1, 2)
+    # the strongest harmonic first, then the frequency
+    strongest = int(np.hypot(*pairs.T).argmax())
+    others = [k for k in range(harmonics) if k != strongest]
+    order = np.array(
+        [2 * strongest, 2 * strongest + 1, -1, *(2 * k + i for k in others for i in (0, 1))]
+    )
+    numbers = tuple(k + 1 for k in (strongest, *others))
+    return Trace(values[order], covariance[np.ix_(order, order)], numbers, origin)
+
+
+def base_motion(trace: Trace, *, gravity: float = 9.81) -> xr.Dataset:
+    """Return frequency, size and phase of a measured motion of the base, with standard errors.
+
+    Parameters
+    ----------
+    trace
+        Result of `read_trace`.
+    gravity
+        Gravity in m s-2, the unit of ``base_acceleration``.
+
+    Returns
+    -------
+    xarray.Dataset
+        - ``estimate``, ``error``, ``covariance``, dims (parameter, other): of the peak velocity
+          ``base_velocity`` (m s-1) and the ``phase`` (rad) of the strongest harmonic, of the
+          ``frequency`` (Hz), and of ``weight_h`` and ``phase_h`` (rad) of each other harmonic h
+          relative to the strongest; the attribute ``waveform`` is the key of that name in a sweep
+          file.  Phases are those at the `origin` of the trace;
+        - ``base_displacement`` (m) and ``base_acceleration`` (in units of gravity) with their
+          errors, the peak values of the whole motion.
+
+    Raises
+    ------
+    ParameterError
+        Gravity is outside its range.
+    TrackError
+        The argument is no trace.
+
+    Examples
+    --------
+    >>> import numpy as np, vibrosweep as vs
+    >>> from vibrosweep.lab.traces import make_trace
+    >>> time = np.arange(0.0, 2.0, 1e-3)
+    >>> trace = make_trace(time, 4.0 * np.sin(40.0 * np.pi * time), "acceleration")
+    >>> round(float(vs.lab.base_motion(trace).base_acceleration), 4)
+    0.4077
+    """
+    require_parameter("gravity", gravity)
+    if not isinstance(trace, Trace):
+        raise TrackError(f"trace = {trace!r}: must be one that read_trace returned")
+    # without restitution
+    count = trace.values.size + 1
+    covariance = np.zeros((count, count))
+    covariance[1:, 1:] = trace.covariance
+    plain, spread, shape = polar(np.insert(trace.values, 0, 0.0), covariance, trace.numbers)
+    names = ["base_velocity", "phase", "frequency", *names_of(trace.numbers)]
+    sizes = sizes_of(plain, spread, shape, trace.numbers, gravity)
+    return parameters_dataset(names, plain[1:], spread[1:, 1:], sizes, shape)
+
+
+def sizes_of(
+    plain: Array,
+    covariance: Array,
+    shape: Waveform,
+    numbers: Sequence[int],
+    gravity: float,
+    frequency: float = np.nan,
+) -> dict[str, tuple[float, str, str]]:
+    """Peak displacement and acceleration of a base, with their standard errors.
+
+    The first three arguments are a result of `polar`, with the `frequency` (Hz) if it is not
+    among the values.
+    """
+    velocity, free = plain[1], plain.size > 3
+    rate = plain[3] if free else frequency
+    # relative derivatives of displacement and acceleration, V0 / w and w V0 / g for a sine
+    relative = np.zeros((2, plain.size))
+    relative[:, 1] = 1.0 / velocity
+    if free:
+        relative[:, 3] = -1.0 / rate, 1.0 / rate
+        relative[:, 4 : 2 + 2 * len(numbers)] = slopes_of_sizes(shape, numbers)
+    size = velocity * np.array([1.0 / (shape.per_displacement * rate), shape.fall * rate / gravity])
+    error = size * np.sqrt(np.einsum("ki,ij,kj->k", relative, covariance, relative))
+    return {
+        "base_displacement": (size[0], "m", "peak displacement of the base"),
+        "base_displacement_error": (error[0], "m", "its standard error"),
+        "base_acceleration": (size[1], "1", "peak acceleration in units of gravity"),
+        "base_acceleration_error": (error[1], "1", "its standard error"),
+    }
+
+
+def parameters_dataset(
+    names: list[str],
+    values: Array,
+    covariance: Array,
+    about: Mapping[str, tuple[Any, str, str]],
+    shape: Waveform,
+) -> xr.Dataset:
+    """Make a dataset of parameters with their covariance, and of other numbers."""
+    units = [KNOWN[name].units if name in KNOWN else OF_BASE[name.split("_")[0]] for name in names]
+    error = np.sqrt(np.diag(covariance))
+    return xr.Dataset(
+        {
+            "estimate": ("parameter", values, {"long_name": "estimate"}),
+            "error": ("parameter", error, {"long_name": "standard error"}),
+            "covariance": (("parameter", "other"), covariance, {"long_name": "covariance"}),
+            **with_units((), about),
+        },
+        coords={"parameter": names, "other": names, "units": ("parameter", units)},
+        attrs={"waveform": shape.text},
+    )
 
 
 def trace_of_mark(tracks: xr.Dataset, exposure: float) -> Trace:
@@ -154,55 +267,18 @@ def trace_of_mark(tracks: xr.Dataset, exposure: float) -> Trace:
     )
 
 
-class _Fit(NamedTuple):
-    """Harmonics fitted to a trace."""
-
-    # values, covariance: the constant, coefficients of cosine and sine of each harmonic, and the
-    # frequency (Hz)
-    values: Array
-    covariance: Array
-    variance: float  # variance of the residuals
-
-
-def _design(since: Array, rate: float, harmonics: int) -> Array:
-    """Columns of a linear fit: a constant, cosine and sine of each harmonic of `rate` (Hz)."""
-    return np.column_stack([np.ones_like(since), waves(since, rate, harmonics)])
-
-
-def _fit(since: Array, measured: Array, rate: float, harmonics: int) -> _Fit:
-    """Fit harmonics with a fundamental frequency near `rate` (Hz)."""
-    numbers = np.arange(1, harmonics + 1)
-
-    def residuals(values: Array) -> Array:
-        return np.asarray(_design(since, values[-1], harmonics) @ values[:-1] - measured)
-
-    def slopes(values: Array) -> Array:
-        columns = _design(since, values[-1], harmonics)
-        turned = np.column_stack([numbers * values[2:-1:2], -numbers * values[1:-1:2]]).ravel()
-        return np.column_stack([columns, TWO_PI * since * (columns[:, 1:] @ turned)])
-
-    first = np.linalg.lstsq(_design(since, rate, harmonics), measured, rcond=None)[0]
-    found = least_squares(
-        residuals, [*first, rate], slopes, method="lm", ftol=CLOSE, xtol=CLOSE, gtol=CLOSE
-    )
-    variance = 2.0 * found.cost / (since.size - found.x.size)
-    jacobian = np.asarray(found.jac)
-    covariance = variance * np.linalg.inv(jacobian.T @ jacobian)
-    return _Fit(found.x, covariance, float(variance))
-
-
 def _choose_harmonics(
     since: Array, measured: Array, strongest: float, sampled: float
 ) -> tuple[float, int]:
     """Choose an approximate fundamental frequency, and the number of harmonics.
 
-    `strongest` is the frequency of the strongest harmonic, `sampled` the values per second.
+    The mean of `measured` is 0; `strongest` is the frequency of the strongest harmonic, `sampled`
+    the values per second.
     """
     number, span = since.size, float(np.ptp(since))
-    measured = measured - measured.mean()
     steps = np.diff(np.unique(measured))
     floor = float(steps[steps > SAME * np.ptp(measured)].min()) ** 2 / 12.0
-    sine = _fit(since, measured, strongest, 1)
+    sine = fit_harmonics(since, measured, strongest, 1)
     trials = [(_schwarz(sine.variance, floor, number, 1), strongest, 1)]
     for part in range(1, MOST_HARMONICS + 1):
         rate = strongest / part
@@ -210,13 +286,13 @@ def _choose_harmonics(
         most = min(MOST_HARMONICS, int((sampled / rate - 1.0) / 2.0), (number - 3) // 4)
         if most < max(part, 2) or rate * span < FEWEST_PERIODS:
             continue
-        rate = float(_fit(since, measured, rate, most).values[-1])
+        rate = float(fit_harmonics(since, measured, rate, most).values[-1])
         # squared components along the columns, orthonormalised in this order
-        axes = np.linalg.qr(_design(since, rate, most))[0]
+        axes = np.linalg.qr(columns_of(since, rate, most))[0]
         held = np.cumsum((axes.T @ measured) ** 2)
         for harmonics in range(max(part, 2), most + 1):
-            residual = measured @ measured - held[2 * harmonics]
-            variance = float(residual) / (number - 2 * harmonics - 2)
+            residual = measured @ measured - held[2 * harmonics + 1]
+            variance = float(residual) / (number - 2 * harmonics - 3)
             trials.append((_schwarz(variance, floor, number, harmonics), rate, harmonics))
     _, rate, harmonics = min(trials)
     return rate, harmonics
@@ -224,34 +300,7 @@ def _choose_harmonics(
 
 def _schwarz(variance: float, floor: float, number: int, harmonics: int) -> float:
     """Schwarz's criterion of a fit; the variance of its residuals is at least `floor`."""
-    return float(number * np.log(max(variance, floor)) + (2 * harmonics + 2) * np.log(number))
-
-
-def _velocities(fit: _Fit, middle: float, quantity: str) -> Trace:
-    """Convert the harmonics of the quantity to those of the velocity, on the clock of the trace.
-
-    Times of the fit are relative to the `middle` of the trace (s).
-    """
-    pairs, rate = fit.values[1:-1].reshape(-1, 2), float(fit.values[-1])
-    # y = c cos + s sin has V = w (s cos - c sin); a = c cos + s sin has V = (c sin - s cos) / w
-    sign, power_of = (-1.0, 1.0) if quantity == "height" else (1.0, -1.0)
-    sizes = np.hypot(*pairs.T) * np.arange(1.0, len(pairs) + 1.0) ** power_of
-    strongest = int(sizes.argmax())
-    order = [strongest, *(k for k in range(len(pairs)) if k != strongest)]
-    values, change = np.zeros(pairs.size), np.zeros((pairs.size, pairs.size + 2))
-    for place, k in enumerate(order):
-        h, row = k + 1, slice(2 * place, 2 * place + 2)
-        size = sign * (TWO_PI * rate * h) ** power_of
-        turned = TWO_PI * middle * rate * h
-        cosine, sine = np.cos(turned), np.sin(turned)
-        turn = size * np.array([[cosine, -sine], [-sine, -cosine]])  # to S and C
-        turning = size * np.array([[-sine, -cosine], [-cosine, sine]])
-        values[row] = turn @ pairs[k]
-        change[row, 1 + 2 * k : 3 + 2 * k] = turn
-        change[row, -1] = TWO_PI * middle * h * turning @ pairs[k] + values[row] * power_of / rate
-    values = np.insert(values, 2, rate)
-    change = np.insert(change, 2, np.eye(pairs.size + 2)[-1], axis=0)
-    return Trace(values, change @ fit.covariance @ change.T, tuple(k + 1 for k in order))
+    return float(number * np.log(max(variance, floor)) + (2 * harmonics + 3) * np.log(number))
 
 
 # -----------------------------------------------------------------------------
@@ -260,6 +309,7 @@ def _velocities(fit: _Fit, middle: float, quantity: str) -> Trace:
 # The harmonic with the largest velocity has the weight 1 and the phase 0: V0 and phi are its
 # amplitude and phase, as for a pure sine.
 
+OF_BASE: Final = {"base": "m s-1", "weight": "1", "phase": "rad"}  # units, by the first word
 STEP: Final = 1e-5  # step of weights and phases in finite differences
 
 

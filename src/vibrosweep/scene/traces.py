@@ -6,21 +6,20 @@ The model of the trace is a mean, a trend and harmonics of one frequency f,
 
     y(t) = m + n t + sum A_h cos(2 pi h f t) + B_h sin(2 pi h f t).
 
-f minimizes the sum of squared residuals.  The highest peak of the spectrum
-may be any of the harmonics: the search starts at the peak divided by 1, 2, ... up to their number,
-and refines f by successive parabolic interpolation.  Differentiating a
-height, or integrating an acceleration, term by term gives the harmonics of the velocity.
+The highest peak of the spectrum may be any of the harmonics: the fits start at the peak divided by
+1, 2, ... up to their number.  Differentiating a height, or integrating an acceleration, term by
+term gives the harmonics of the velocity.
 """
 
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from vibrosweep.arrays import Array
 from vibrosweep.mistakes import escaped
@@ -41,7 +40,7 @@ from vibrosweep.scene.tables import (
     time_factor,
 )
 
-__all__ = ["series_of", "waves"]
+__all__ = ["FittedHarmonics", "columns_of", "fit_harmonics", "series_of", "without_trend"]
 
 OF_POINTS: Final = ("speed", "restitution")  # columns of a table of points
 AT_REST: Final = 0.02  # deviation from 1 of a mean that is taken for 1 g
@@ -49,6 +48,7 @@ FEWEST_PERIODS: Final = 2.0
 LEAST_SHARE: Final = 0.5  # of the variance that the harmonics must explain
 DRIFT: Final = 0.05  # largest drift in one period, relative to the range
 AS_GOOD: Final = 1.05  # residual, relative to the least one, up to which a fit is as good as any
+CLOSE: Final = 1e-15  # relative change of the values or of the sum of squares at convergence
 
 
 def measured(traced: Traced, folder: Path) -> tuple[Waveform, float, float]:
@@ -68,19 +68,14 @@ def measured(traced: Traced, folder: Path) -> tuple[Waveform, float, float]:
         raise ValueError(f"the trace has {time.size} lines; at least 8 are needed")
     # about the middle, and on the clock of the trace unless that counts from 1970
     middle = float(time[0] + time[-1]) / 2.0
-    frequency, terms, share = _fitted(time - middle, values, traced.harmonics)
-    terms = _moved(terms, frequency, middle - origin_of(time))
-    rates = TWO_PI * frequency * np.arange(1, traced.harmonics + 1)  # rad/s
-    cosines, sines = terms
-    # velocity: sum of in_phase sin(rate t) + quadrature cos(rate t)
-    if traced.column == "height":
-        in_phase, quadrature = -rates * cosines, rates * sines
-    else:
-        in_phase, quadrature = cosines / rates, -sines / rates
-    weights, phases = np.hypot(in_phase, quadrature), np.arctan2(quadrature, in_phase)
-    pairs = zip(weights.tolist(), phases.tolist(), strict=True)
-    tones = [(k + 1, *pair) for k, pair in enumerate(pairs)]
-    raw = Waveform(HARMONICS_NAME, tuple(tones))
+    fit, share = _fitted(time - middle, values, traced.harmonics)
+    terms, _ = fit.of_velocity(middle - origin_of(time), traced.column)
+    pairs = terms[:-1].reshape(-1, 2)
+    weights, phases = np.hypot(*pairs.T), np.arctan2(pairs[:, 1], pairs[:, 0])
+    tones = [
+        (k, *tone) for k, tone in enumerate(zip(weights.tolist(), phases.tolist(), strict=True), 1)
+    ]
+    frequency, raw = float(terms[-1]), Waveform(HARMONICS_NAME, tuple(tones))
     velocity = float(np.abs(raw.velocity(zeros(raw, 1))).max())
     scaled = tuple((k, w / velocity, p) for k, w, p in tones)
     digest = hashlib.blake2b(content, digest_size=8).hexdigest()
@@ -142,33 +137,99 @@ def series_of(
     return time, values * size[0] / size[1], quantity
 
 
-def _moved(terms: Array, frequency: float, since: float) -> Array:
-    """Refer cosines and sines to the instant 0 instead of `since` (s)."""
-    turns = np.arange(1, terms.shape[1] + 1) * (frequency * since)
-    angle = TWO_PI * (turns - np.rint(turns))
-    cosines, sines = terms
-    return np.stack(
-        [
-            cosines * np.cos(angle) - sines * np.sin(angle),
-            sines * np.cos(angle) + cosines * np.sin(angle),
-        ]
+class FittedHarmonics(NamedTuple):
+    """Mean, trend and harmonics fitted to a trace."""
+
+    # values, covariance: mean, trend (per s), cosine and sine of each harmonic, and the frequency
+    # (Hz), with times relative to the middle of the trace
+    values: Array
+    covariance: Array
+    variance: float  # of the residuals
+
+    def of_velocity(self, middle: float, quantity: str) -> tuple[Array, Array]:
+        """Return sine and cosine of each harmonic of the velocity, then f, and their covariance.
+
+        `middle` is the instant (s) to which the times of the fit are relative; `quantity` is what
+        was fitted, ``"height"`` or ``"acceleration"``.
+        """
+        pairs, rate = self.values[2:-1].reshape(-1, 2), float(self.values[-1])
+        values, change = np.zeros(pairs.size + 1), np.zeros((pairs.size + 1, pairs.size + 3))
+        # y = c cos + s sin has V = w (s cos - c sin); a = c cos + s sin has V = (c sin - s cos) / w
+        sign, power = (-1.0, 1.0) if quantity == "height" else (1.0, -1.0)
+        for k, pair in enumerate(pairs):
+            h, row = k + 1, slice(2 * k, 2 * k + 2)
+            size, turns = sign * (TWO_PI * rate * h) ** power, h * rate * middle
+            angle = TWO_PI * (turns - np.rint(turns))
+            cosine, sine = np.cos(angle), np.sin(angle)
+            turn = size * np.array([[cosine, -sine], [-sine, -cosine]])
+            turning = size * np.array([[-sine, -cosine], [-cosine, sine]])
+            values[row] = turn @ pair
+            change[row, 2 + 2 * k : 4 + 2 * k] = turn
+            change[row, -1] = TWO_PI * middle * h * turning @ pair + values[row] * power / rate
+        values[-1], change[-1, -1] = rate, 1.0
+        return values, change @ self.covariance @ change.T
+
+
+def columns_of(time: Array, frequency: float, harmonics: int) -> Array:
+    """Columns of a linear fit: mean, trend, cosine and sine of each harmonic of `frequency`, Hz."""
+    columns = [np.ones_like(time), time]
+    for h in range(1, harmonics + 1):
+        turns = h * frequency * time
+        angle = TWO_PI * (turns - np.rint(turns))
+        columns += [np.cos(angle), np.sin(angle)]
+    return np.stack(columns, axis=1)
+
+
+def fit_harmonics(time: Array, values: Array, frequency: float, harmonics: int) -> FittedHarmonics:
+    """Fit mean, trend and harmonics of a frequency near a given one (Hz) by least squares.
+
+    Times (s) are relative to the middle, which makes the errors of phase and frequency almost
+    uncorrelated.
+    """
+    numbers = np.arange(1, harmonics + 1)
+
+    def off(p: Array) -> Array:
+        return np.asarray(columns_of(time, p[-1], harmonics) @ p[:-1] - values)
+
+    def slopes(p: Array) -> Array:
+        columns = columns_of(time, p[-1], harmonics)
+        turned = np.column_stack([numbers * p[3:-1:2], -numbers * p[2:-1:2]]).ravel()
+        return np.column_stack([columns, TWO_PI * time * (columns[:, 2:] @ turned)])
+
+    first = np.linalg.lstsq(columns_of(time, frequency, harmonics), values, rcond=None)[0]
+    found = least_squares(
+        off, [*first, frequency], slopes, method="lm", ftol=CLOSE, xtol=CLOSE, gtol=CLOSE
+    )
+    variance = 2.0 * found.cost / (time.size - found.x.size)
+    jacobian = np.asarray(found.jac)
+    return FittedHarmonics(
+        found.x, variance * np.linalg.inv(jacobian.T @ jacobian), float(variance)
     )
 
 
-def _fitted(time: Array, values: Array, harmonics: int) -> tuple[float, Array, float]:
-    """Return frequency (Hz), coefficients of cosines and sines, and their share of the variance."""
+def without_trend(time: Array, values: Array) -> Array:
+    """Subtract the straight line that fits the values."""
+    return np.asarray(values - np.polyval(np.polyfit(time, values, 1), time))
+
+
+def _fitted(time: Array, values: Array, harmonics: int) -> tuple[FittedHarmonics, float]:
+    """Return the fit at the best frequency, and the share of the variance that it explains."""
     span = float(time[-1] - time[0])
-    total = _least_squares(time, values, 1.0, 0)[0]
-    if not total > 1e-24 * float(np.sum(values * values)):
+    line = without_trend(time, values)
+    if not line @ line > 1e-24 * float(values @ values):
         raise ValueError("the trace shows no motion")
-    peak = _peak(time, values)
+    window = 0.5 - 0.5 * np.cos(TWO_PI * (time - time[0]) / span)
+    peak = strongest_rate(time, line * window, padding=8)
+    few = f"too few for {harmonics} harmonics: take fewer harmonics"
+    if time.size < 2 * (2 * harmonics + 1):
+        raise ValueError(f"the trace has {time.size} points, {few}")
     trials = [peak / k for k in range(1, harmonics + 1) if peak * span / k >= 0.75]
-    trials = [_refined(time, values, f, harmonics, span) for f in trials or [1.0 / span]]
-    residuals = [_least_squares(time, values, f, harmonics)[0] for f in trials]
-    least = min(residuals) + 1e-20 * total
-    frequency = next(f for f, r in zip(trials, residuals, strict=True) if r <= AS_GOOD * least)
-    residual, solution = _least_squares(time, values, frequency, harmonics)
-    share = 1.0 - residual / total
+    fits = [fit_harmonics(time, values, f, harmonics) for f in trials or [1.0 / span]]
+    variance = float(line @ line) / time.size
+    least = min(fit.variance for fit in fits) + 1e-20 * variance
+    fit = next(fit for fit in fits if fit.variance <= AS_GOOD * least)
+    frequency = float(fit.values[-1])
+    share = 1.0 - fit.variance * (time.size - fit.values.size) / float(line @ line)
     periods = span * frequency
     if periods < FEWEST_PERIODS:
         raise ValueError(
@@ -180,59 +241,15 @@ def _fitted(time: Array, values: Array, harmonics: int) -> tuple[float, Array, f
             f"the trace has no period: harmonics of {frequency:.6g} Hz explain "
             f"{100.0 * share:.3g} % of its variance"
         )
-    if time.size < 2.0 * (2 * harmonics + 1) or time.size / periods < 2 * harmonics + 1:
-        raise ValueError(
-            f"the trace has {time.size / periods:.3g} points in a period, too few for {harmonics} "
-            f"harmonics: take fewer harmonics"
-        )
-    drift = abs(float(solution[1])) / frequency
-    if drift > DRIFT * float(np.ptp(values - solution[1] * time)):
+    if time.size / periods < 2 * harmonics + 1:
+        raise ValueError(f"the trace has {time.size / periods:.3g} points in a period, {few}")
+    drift = abs(float(fit.values[1])) / frequency
+    if drift > DRIFT * float(np.ptp(values - fit.values[1] * time)):
         raise ValueError(
             f"the trace has a mean velocity: it drifts by {drift:.3g} in a period, more than "
             f"{100 * DRIFT:g} % of its range"
         )
-    return frequency, np.stack([solution[2::2], solution[3::2]]), share
-
-
-def waves(time: Array, frequency: float, harmonics: int) -> Array:
-    """Return cosine and sine of each harmonic of a frequency (Hz), shape (time, 2 harmonics)."""
-    columns = []
-    for h in range(1, harmonics + 1):
-        turns = h * frequency * time
-        angle = TWO_PI * (turns - np.rint(turns))
-        columns += [np.cos(angle), np.sin(angle)]
-    return np.stack(columns, axis=1) if columns else np.empty((time.size, 0))
-
-
-def _peak(time: Array, values: Array) -> float:
-    """Return the frequency of the highest peak of the spectrum."""
-    line = values - np.polyval(np.polyfit(time, values, 1), time)
-    window = 0.5 - 0.5 * np.cos(TWO_PI * (time - time[0]) / (time[-1] - time[0]))
-    return strongest_rate(time, line * window, padding=8)
-
-
-def _refined(time: Array, values: Array, f: float, harmonics: int, span: float) -> float:
-    """Return the frequency near f with the least residual."""
-    step = 0.2 / span / harmonics
-    for _ in range(60):
-        low, middle, high = (
-            _least_squares(time, values, trial, harmonics)[0] for trial in (f - step, f, f + step)
-        )
-        bend = low - 2.0 * middle + high
-        move = 0.5 * step * (low - high) / bend if bend > 0.0 else math.copysign(step, low - high)
-        f += min(max(move, -step), step)
-        step = max(0.3 * step, 2.0 * abs(move)) if abs(move) < step else step
-        if abs(move) <= 1e-13 * f or step <= 1e-9 / span:
-            break
-    return abs(f)
-
-
-def _least_squares(time: Array, values: Array, f: float, harmonics: int) -> tuple[float, Array]:
-    """Fit mean, trend and harmonics; return the sum of squared residuals and the coefficients."""
-    design = np.column_stack([np.ones_like(time), time, waves(time, f, harmonics)])
-    solution = np.linalg.lstsq(design, values, rcond=None)[0]
-    residual = values - design @ solution
-    return float(np.sum(residual * residual)), np.asarray(solution, np.float64)
+    return fit, share
 
 
 def points_in(path: Path) -> Points:
