@@ -225,3 +225,15 @@ def test_weights_and_phases_by_their_derivatives():
         up = with_values(shape, {name: plain[4 + k] + 1e-4})
         rise = np.log([shape.per_displacement / up.per_displacement, up.fall / shape.fall]) / 1e-4
         np.testing.assert_allclose(of_sizes[:, k], rise, atol=1e-3)
+
+
+def test_a_trace_has_the_true_scale_where_that_of_the_film_is_off(film, measured):
+    """The scale is off by 0.4 %, nine errors of the motion."""
+    tracks = film[1].tracks.copy()
+    tracks["height"] = 1.004 * tracks["height"]
+    given = {"trace": measured, "gravity": (9.71, 9.91)}
+    found = estimate(find_impacts(tracks, **given))
+    for name, true in TRUTH.items():
+        own = found.sel(parameter=name)
+        assert abs(own["estimate"] - true) < 4.0 * own["error"], name
+    assert found.sel(parameter="amplitude")["error"] < 5e-4 * TRUTH["amplitude"]

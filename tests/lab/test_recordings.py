@@ -99,7 +99,7 @@ def test_tracks_in_any_table_format(tmp_path, how):
 
 
 @given(
-    rate=st.sampled_from([24.0, 30000.0 / 1001.0, 60.0, 240.0, 300.0]),
+    rate=st.sampled_from([24.0, 30000.0 / 1001.0, 60.0, 240.0, 300.0, 480.0, 600.0]),
     gaps=st.sets(st.integers(2, 197), max_size=40),
     begin=st.sampled_from([0.0, 0.4, 50_000.0]),
 )

@@ -254,9 +254,9 @@ LONGEST_CONTACT: Final = 5e-3  # s
 INSTANT: Final = Input(0.0, 1e-9)
 SCATTERS: Final = np.append(0.0, np.geomspace(1e-4, 0.3, 24))  # trial values of the scatter of e
 # Effects of G on a Hertz contact relative to those on a dashpot, less 1: a + e on the speed, and
-# b - c e on the duration; those of its change: d e^2 - f on the speed; and h, which is absolute, on
-# the duration
-HERTZ: Final = (0.06, 0.35, 0.75, 0.245, 0.198, 0.022)
+# b - c e on the duration; those of its change: d e^2 - f on the speed; and absolute, that of its
+# change on the duration, and that of the square of G on the speed
+HERTZ: Final = (0.06, 0.35, 0.75, 0.245, 0.198, 0.022, 0.015)
 TOGETHER: Final = (0.1, 0.041)  # times e^-1/2 on the speed, times 1/e on the duration
 CURVED: Final = 0.0476  # weight of the second derivative of G, for both laws and every e
 MOST_PUSH: Final = 0.7  # G tau / v; at more, a ball hardly leaves
@@ -348,6 +348,8 @@ class Trace(NamedTuple):
     covariance: Array
     numbers: tuple[int, ...] = (1,)
     origin: float = 0.0  # time in s, on the clock of the trace, at which t = 0
+    # gravity where it was recorded, m s-2; NaN if it has the scale of the film, as a mark has
+    gravity: float = np.nan
 
     def since(self, origin: float) -> Trace:
         """Shift the time origin; the error of the frequency propagates to the phases."""
@@ -363,7 +365,14 @@ class Trace(NamedTuple):
             values[row] = s, c = turn @ self.values[row]
             change[np.ix_(row, row)] = turn
             change[row, 2] = -rate * c, rate * s
-        return Trace(values, change @ self.covariance @ change.T, self.numbers, origin)
+        covariance = change @ self.covariance @ change.T
+        return self._replace(values=values, covariance=covariance, origin=origin)
+
+    def filmed(self, gravity: float) -> Array:
+        """Values in the scale of a film with this apparent gravity (m s-2)."""
+        scale = np.full(self.values.size, 1.0 if np.isnan(self.gravity) else gravity / self.gravity)
+        scale[2] = 1.0
+        return scale * self.values
 
 
 class BaseFit(NamedTuple):
@@ -503,7 +512,7 @@ class Problem(NamedTuple):
             longer = last - 1.0
             with np.errstate(divide="ignore", invalid="ignore"):
                 last = np.clip(last - (free + push * given) / rate, 0.5, 2.0)
-        slower = (e + rate) * (1.0 + share * (e + HERTZ[0]))
+        slower = (e + rate) * (1.0 + share * (e + HERTZ[0])) + share * HERTZ[6] * push**2
         # a change of G during the contact, alone and together with G
         z, change = complex(-decay, np.pi), jerk * unit**2 / speed
         area = (1.0 + e) / (np.pi**2 + decay**2)
@@ -617,7 +626,7 @@ class Problem(NamedTuple):
         if self.trace is not None:
             root = np.linalg.inv(np.linalg.cholesky(self.trace.covariance))
             motion = values[1 : self.parameters]
-            off = root @ (motion - self.trace.values)
+            off = root @ (motion - self.trace.filmed(self.inputs_of(values)[0]))
             parts.append(np.zeros((off.size, levels)) if slopes else off)
         return np.concatenate(parts)
 

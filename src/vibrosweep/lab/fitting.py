@@ -186,7 +186,10 @@ class Heights(NamedTuple):
         height, weight = self.height[own], self.error[own] ** -2.0
         if not height.size:
             return float("nan"), float("nan")
-        level = float(np.quantile(height, quantile, method="higher"))
+        # weighted, because two parts of one flight meet anywhere, but not accurately
+        order = np.argsort(height)
+        total = np.cumsum(weight[order])
+        level = float(height[order][np.searchsorted(total, quantile * total[-1])])
         for _ in range(LEVEL_ROUNDS):
             near = np.abs(height - level) * np.sqrt(weight) < ON_BASE
             if near.any():
@@ -211,20 +214,22 @@ def base_at_rest(samples: Samples, cut: Cut, known: float | None, exposure: floa
     contacts, particles = cut.contacts, int(samples.particle[-1]) + 1
     if known is not None:
         return Rest(np.full(particles, known), known, 0.0, np.zeros(0, bool))
-    meetings, rests = _meetings(contacts), _rests(samples, cut, exposure)
+    # bounces too low to be seen rise above the base by less than the height of a flight
+    least = LEAST_HEIGHT * contacts.noise
+    lowest = [np.quantile(samples.height[samples.particle == p], LOWEST) for p in range(particles)]
+    meetings, rests = (
+        one.take(one.height < np.array(lowest)[one.particle] + least + ON_BASE * one.error)
+        for one in (_meetings(contacts), _rests(samples, cut, exposure))
+    )
     level = low_points(samples, contacts.noise, None)[1]
     base = Rest(np.full(particles, level), level, float("nan"), np.zeros(particles, bool))
     base = _levels(base, meetings, rests, 0.5)
-    stays, count = base.stays, np.bincount(contacts.particle, None, particles)
-    # bounces too low to be seen rise above the base by less than the height of a flight
-    least = LEAST_HEIGHT * contacts.noise
+    count = np.bincount(meetings.particle, None, particles)
     for p in np.unique(rests.particle):
-        level, _ = rests.level(p, 1.0 - FROM_ABOVE)
-        below = np.quantile(samples.height[samples.particle == p], LOWEST)
-        often = np.sum(rests.particle == p) > STAYS * count[p]
         met = meetings.level(p, FROM_ABOVE)[0] if count[p] else base.level
-        high = np.isnan(base.error) or level > met + least
-        stays[p] = often and high and level < below + least
+        above = rests.level(p, 1.0 - FROM_ABOVE)[0] > met + least
+        often = np.sum(rests.particle == p) > STAYS * count[p]
+        base.stays[p] = often and (np.isnan(base.error) or above)
     return _levels(base, meetings, rests, 1.0 - FROM_ABOVE)
 
 
@@ -345,14 +350,22 @@ def flights_over(
                 raise TrackError(UNDETERMINED)
         levels = base.levels if isinstance(base, Rest) else _levels_below(base, samples)
         below = levels[samples.particle] + base.oscillation.height(samples.time)
-        fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
-        noise = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
-        member, fits = _keep_flights(samples, member, fits, below, noise, fall)
-        start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
-        piece, owner = samples.piece[start], samples.particle[start]
-        ends = _ends(
-            samples, member, fits, levels[owner], base.oscillation, fall, cut.contacts.drag
-        )
+        whole = np.zeros(0, bool)
+        while not whole.all() or not whole.size:
+            fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
+            rough = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
+            member, fits = _keep_flights(samples, member, fits, below, rough, fall)
+            start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
+            piece, owner = samples.piece[start], samples.particle[start]
+            ends = _ends(
+                samples, member, fits, levels[owner], base.oscillation, fall, cut.contacts.drag
+            )
+            # two stretches that overlap in time above the base belong to one flight
+            whole = np.ones(piece.size, bool)
+            whole[1:] = (fits.centre[1:] > ends.down[:-1]) & (fits.centre[:-1] < ends.up[1:])
+            whole[1:] |= np.diff(piece) != 0
+            member = np.append(np.cumsum(whole) - 1, -1)[member]
+        noise = rough
         if isinstance(base, BaseFit):
             contact = base.lasting(ends.fall, ends.down)
         junctions = join(fits, piece, ends, noise, fall, contact)
@@ -420,10 +433,9 @@ def _keep_flights(
     samples: Samples, member: Indices, fits: Fits, below: Array, noise: float, fall: float
 ) -> tuple[Indices, Fits]:
     """Select the stretches that rise clearly above the base, whose heights are `below`."""
-    path = fits.take(member).height(samples.time, fall)
-    clear = np.full(fits.number.size, -np.inf)
-    used = (member >= 0) & np.isfinite(path)
-    np.maximum.at(clear, member[used], (path - below)[used])
+    clear, used = np.full(fits.number.size, -np.inf), member >= 0
+    above = fits.take(member[used]).height(samples.time[used], fall) - below[used]
+    np.maximum.at(clear, member[used], np.nan_to_num(above, nan=-np.inf))
     resolved = np.flatnonzero((clear > LEAST_HEIGHT * noise) & (fits.number >= LEAST_SAMPLES))
     if not resolved.size:
         raise TrackError(
@@ -611,6 +623,8 @@ class FittedTracks(NamedTuple):
 def fit_tracks(tracks: xr.Dataset, gravity: float, setup: Setup = Setup()) -> FittedTracks:  # noqa: B008
     """Find and fit the flights of tracks; raise the errors of `find_impacts`."""
     _check_setup(gravity, setup)
+    if setup.trace is not None:
+        setup = setup._replace(trace=setup.trace._replace(gravity=gravity))
     if "base_height" in tracks:
         if setup.trace is not None:
             raise TrackError("a trace and a mark on the base are given: leave one of them out")

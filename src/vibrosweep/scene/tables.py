@@ -452,9 +452,11 @@ def even_times(time: Array, rounding: float, rate: float | None = None) -> tuple
         return time, 1.0 / usual
     wide = max(0.5 * usual, (1.0 + 1e-6) * rounding)  # rounded steps may differ by their rounding
     usual = float(steps[steps < usual + wide].mean())
-    frame = np.concatenate([[0.0], np.cumsum(np.rint(steps / usual))])
     since = time - time[0]
-    found = 1.0 / float(np.polyfit(frame, since, 1)[0])
+    for _ in range(2):  # two-frame steps among the usual ones make the first estimate too long
+        frame = np.concatenate([[0.0], np.cumsum(np.rint(steps / usual))])
+        usual = float(np.polyfit(frame, since, 1)[0])
+    found = 1.0 / usual
     slack = (1.0 + 1e-6) * rounding + 4.0 * float(np.spacing(np.abs(time).max()))
     for candidate in _rates(found, rate):
         rest = since - frame / candidate
