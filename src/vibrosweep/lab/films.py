@@ -222,6 +222,7 @@ def slope_of_floor(film: Film, horizontal: Array) -> float:
 CONTACT_ERROR: Final = 0.02  # s: wide prior of the contact time in a film, for the pooled fit
 UNRESOLVED: Final = 0.1  # error of e from which a bounce is not resolved
 DRIFT: Final = 0.005  # prior of the drift of the level in a film, in units of the range of heights
+SLOPE: Final = 0.02  # error of the slope of an inclined floor as first found
 RATE: Final = 120.0  # frames per second that are assumed for the drag if they are not known
 # A floor is inclined if a level one leaves residuals larger by the first factor, or less than the
 # second share of the positions in flights
@@ -249,13 +250,16 @@ class _Problem:
     """Samples of chains of flights, and their model.
 
     Parameters: curvature, level, contact time (at the median speed), drag, exponent p of the
-    contact time, and drift of the camera, the rate at which all heights increase; then the times of
-    the first apex of each chain, and the nominal speeds of all flights.  Times are in s relative to
-    the middle, heights in the unit of the file.
+    contact time, and drift of the camera, the rate at which all heights increase, or the error of
+    the slope of an inclined floor; then the times of the first apex of each chain, and the nominal
+    speeds of all flights.  Times are in s relative to the middle, heights in the unit of the file.
     """
 
-    def __init__(self, film: Film, chains: list[Indices], priors: tuple[Input, ...]) -> None:
+    def __init__(
+        self, film: Film, chains: list[Indices], along: Array, priors: tuple[Input, ...]
+    ) -> None:
         self.time, self.height, self.noise = film.samples.time, film.samples.height, film.noise
+        self.along = along - along.mean()
         self.priors, g = np.array([prior[:2] for prior in priors]).T, film.gravity
         flights = np.concatenate(chains)
         self.chain = np.repeat(np.arange(len(chains)), [chain.size for chain in chains])
@@ -296,11 +300,11 @@ class _Problem:
         number = np.searchsorted(begin, self.time, "right") - 1
         return np.where((number >= 0) & (self.time <= end[number]), number, -1)
 
-    def model(self, p: Array, flight: Indices, time: Array) -> Array:
-        """Return the heights of flights at one time each."""
+    def model(self, p: Array, flight: Indices, samples: Indices | slice) -> Array:
+        """Return the heights of samples, whose flights are given."""
         apex, speed = self.flights(p)[3][flight], p[COMMON + self.first.size :][flight]
-        fallen = drop_from_apex(time - apex, p[0], p[3])
-        return np.asarray(p[1] + p[5] * time + speed**2 / (2.0 * p[0]) - fallen)
+        fallen = drop_from_apex(self.time[samples] - apex, p[0], p[3])
+        return np.asarray(p[1] + p[5] * self.along[samples] + speed**2 / (2.0 * p[0]) - fallen)
 
     def solve(self) -> tuple[Array, Array, Indices, Array, float]:
         """Return parameters, covariance, numbers of the samples, residuals and noise."""
@@ -314,10 +318,9 @@ class _Problem:
             every = np.flatnonzero((flight >= 0) & sound)
             if every.size <= p.size:
                 raise np.linalg.LinAlgError
-            time, height, of = self.time[every], self.height[every], flight[every]
 
-            def off(p: Array, time=time, height=height, of=of, noise=noise) -> Array:  # type: ignore[no-untyped-def]
-                left = (height - self.model(p, of, time)) / noise
+            def off(p: Array, of=flight[every], every=every, noise=noise) -> Array:  # type: ignore[no-untyped-def]
+                left = (self.height[every] - self.model(p, of, every)) / noise
                 # weak priors for parameters that no sample determines
                 weak = (p - self.start) / loose
                 return np.concatenate([left, (p[2:COMMON] - means) / widths, weak])
@@ -328,7 +331,7 @@ class _Problem:
             noise = float(np.sqrt(left @ left / max(every.size - p.size, 1)))
             noise = max(noise, 1e-9 * float(np.ptp(self.height)))
             limit = FAR * 1.4826 * float(np.median(np.abs(left)))
-            sound = np.abs(self.height - self.model(p, flight, self.time)) < max(limit, 1e-12)
+            sound = np.abs(self.height - self.model(p, flight, slice(None))) < max(limit, 1e-12)
         jacobian = np.asarray(found.jac)
         return p, np.linalg.inv(jacobian.T @ jacobian), every, left, noise
 
@@ -358,7 +361,8 @@ def bounces_of_film(recording: Recording, inputs: BallInputs, tilt: float = 0.0)
         k = weight.argmax()
         g = Input(float(curvature[k]), film.noise / float(np.sqrt(weight[k])))
         return None, None, f"{recording.name}: no bounce; {_scale_text(recording, g, inputs)}"
-    return _fitted(recording, inputs, film, middle, chains, tilt)
+    along = recording.horizontal[seen] if tilt and recording.horizontal is not None else time
+    return _fitted(recording, inputs, film, along, middle, chains, tilt)
 
 
 def _explains(level: _OfFilm, inclined: _OfFilm, slope: float) -> bool:
@@ -407,6 +411,7 @@ def _fitted(
     recording: Recording,
     inputs: BallInputs,
     film: Film,
+    along: Array,
     middle: float,
     chains: list[Indices],
     tilt: float,
@@ -421,8 +426,9 @@ def _fitted(
     step = float(np.median(np.diff(time)))
     # without a frame rate contacts last for up to a few frames
     contact = Input(inputs.contact.value, CONTACT_ERROR) if timed else Input(0.5 * step, 2.0 * step)
-    drift = Input(0.0, DRIFT * float(np.ptp(height) / np.ptp(time)))
-    problem = _Problem(film, chains, (contact, wide, POWER, drift))
+    # parabolas meet below a soft floor, so that its slope is known roughly
+    drift = Input(0.0, SLOPE if tilt else DRIFT * float(np.ptp(height) / np.ptp(time)))
+    problem = _Problem(film, chains, along, (contact, wide, POWER, drift))
     try:
         # trial values of the fit may be impossible
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -440,7 +446,8 @@ def _fitted(
     slopes = {key: np.zeros(n + 2) for key in means}
     slopes["contact"][n] = slopes["drag"][n + 1] = 1.0
     unit = 1.0 if own else inputs.gravity.value / g.value
-    inclined = [f"the floor is inclined by {abs(np.degrees(tilt)):.2f} degrees"] if tilt else []
+    degrees = abs(np.degrees(tilt + p[5] * np.cos(tilt)))
+    inclined = [f"the floor is inclined by {degrees:.2f} degrees"] if tilt else []
     fit = FilmFit(time[every] + middle, height[every], left, height[every] - left, noise)
     fixed = jacobian @ covariance @ jacobian.T
     # in frames, contact and drag have no meaning beyond this film
