@@ -351,8 +351,8 @@ def flights_over(
                 raise TrackError(UNDETERMINED)
         levels = base.levels if isinstance(base, Rest) else _levels_below(base, samples)
         below = levels[samples.particle] + base.oscillation.height(samples.time)
-        whole = np.zeros(0, bool)
-        while not whole.all() or not whole.size:
+        whole = np.zeros(1, bool)
+        while not whole.all():
             fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
             rough = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
             member, fits = _keep_flights(samples, member, fits, below, rough, fall)
