@@ -13,7 +13,7 @@ from scipy.special import chdtri
 
 from vibrosweep.arrays import Array, Indices
 from vibrosweep.errors import TrackError, require_one_of
-from vibrosweep.lab.ballistics import Input
+from vibrosweep.lab.ballistics import Input, bend
 from vibrosweep.lab.base_fit import (
     COUNT,
     INSTANT,
@@ -24,7 +24,6 @@ from vibrosweep.lab.base_fit import (
     Inputs,
     Problem,
     Trace,
-    bend,
     contacts_between,
     covariance_of_fit,
     find_contacts,
@@ -449,7 +448,7 @@ def flights_over(
         piece, owner = samples.piece[start], samples.particle[start]
         ends = _ends(samples, member, fits, levels[owner], base_fit, fall, cut.contacts.drag)
         contact = base_fit.lasting(ends.fall, ends.down)
-        junctions = join(fits, piece, ends, noise, fall, contact)
+        junctions = join(fits, piece, ends, noise, fall, contact, cut.contacts.drag)
         if turn < FIT_ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
         poor = poor_flights(fits, noise)
