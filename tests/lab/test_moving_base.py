@@ -297,3 +297,26 @@ def test_films_of_long_contacts_give_their_motion_and_scale(motion, rate, pixel,
         assert abs(own["estimate"] - motion[name]) < 4.0 * own["error"]
     off = float(one["base_acceleration"]) - motion["base_acceleration"]
     assert abs(off) < 4.0 * float(one["base_acceleration_error"])
+
+
+@pytest.mark.parametrize("contact_time", [0.0, 1.5e-3])
+def test_landing_times_in_air_within_their_errors(contact_time):
+    """Within two on average; parabolas without drag meet 0.1 ms, sixty errors, too early."""
+    speed, diameter = 15.0, 0.02
+    mass = 0.47 * 1.2 * math.pi * diameter**2 * speed**2 / (8.0 * 9.81)
+    contact = {"contact_time": contact_time} if contact_time else {}
+    motion = {"frequency": 14.0, "restitution": 0.85, "base_acceleration": 3.5}
+    times = {"transient": 1.0, "duration": 6.0, "particles": 2, "repeats": 1, "seed": 3}
+    variation = Variation(terminal_speed=speed, **contact)
+    camera = Camera(500.0, pixel=5e-5)
+    run = perform_trials(
+        Experiment(**motion, **times, base="moving", camera=camera, variation=variation)
+    )[0]
+    prior = (2e-4, 5e-3) if contact_time else None
+    found = find_impacts(run.tracks, motion="moving", contact=prior, mass=mass, diameter=diameter)
+    for name in ("landing_time", "liftoff_time"):
+        bounced = (found["quality"] == BOUNCED).values
+        time, error = (found[n].values[bounced] for n in (name, f"{name}_error"))
+        owner, true = np.nonzero(bounced)[0], getattr(run.record, name)
+        off = [np.nanmin(np.abs(true[p] - t)) for p, t in zip(owner, time, strict=True)]
+        assert np.sqrt(np.mean((off / error) ** 2)) < 2.0

@@ -74,6 +74,11 @@ def drop_from_apex(since: Array, gravity: float, drag: float) -> Array:
     return np.asarray(((before + after) / (gravity * root**2)).real)
 
 
+def bend(since: Array, gravity: float, drag: float) -> Array:
+    """Displacement (m) by drag, of first order, at times (s) relative to the apex of a flight."""
+    return np.asarray(drag * gravity**3 * since**3 * np.abs(since) / 12.0)
+
+
 def derivatives(function: Callable[[Array], Array], at: Array, steps: Array) -> Array:
     """Return central differences by each variable, shape (value, variable)."""
     return np.stack(

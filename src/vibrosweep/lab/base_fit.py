@@ -13,7 +13,7 @@ from scipy.optimize import OptimizeResult, brentq, least_squares, minimize_scala
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError
-from vibrosweep.lab.ballistics import CONTACT, POWER, SHARE, Input, from_range
+from vibrosweep.lab.ballistics import CONTACT, POWER, SHARE, Input, bend, from_range
 from vibrosweep.lab.flights import (
     Fits,
     Samples,
@@ -137,11 +137,6 @@ def without_drag(samples: Samples, member: Indices, gravity: float, drag: float)
     apex = fits.centre + fits.slope / gravity
     since = np.where((member >= 0) & (fits.number[member] > 2.0), samples.time - apex[member], 0.0)
     return replace(samples, height=samples.height - bend(since, gravity, drag))
-
-
-def bend(since: Array, gravity: float, drag: float) -> Array:
-    """Displacement (m) by drag, of first order, at times (s) relative to the apex of a flight."""
-    return np.asarray(drag * gravity**3 * since**3 * np.abs(since) / 12.0)
 
 
 def find_contacts(samples: Samples, gravity: float) -> Cut:
@@ -676,8 +671,8 @@ def fit_base(
     values, scale = _start(problem, frequency, particles.size)
     if start is not None:
         values[:-COUNT] = np.append(start[0], start[1][particles])
-    for bend in BENDS if start is None else ():
-        values[:-COUNT] = problem.robust_fit(values[:-COUNT], scale[:-COUNT], bend).x
+    for width in BENDS if start is None else ():
+        values[:-COUNT] = problem.robust_fit(values[:-COUNT], scale[:-COUNT], width).x
     problem, found, used, limit = without_outliers(problem, values, scale, problem.inliers(values))
     values = found.x
     covariance, misfit, freedom = covariance_of_fit(found)

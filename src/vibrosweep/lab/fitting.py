@@ -13,7 +13,7 @@ from scipy.special import chdtri
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.errors import TrackError, require_one_of
-from vibrosweep.lab.ballistics import Input
+from vibrosweep.lab.ballistics import Input, bend
 from vibrosweep.lab.base_fit import (
     COUNT,
     INSTANT,
@@ -25,7 +25,6 @@ from vibrosweep.lab.base_fit import (
     Oscillation,
     Problem,
     Trace,
-    bend,
     contacts_between,
     covariance_of_fit,
     find_contacts,
@@ -351,8 +350,8 @@ def flights_over(
                 raise TrackError(UNDETERMINED)
         levels = base.levels if isinstance(base, Rest) else _levels_below(base, samples)
         below = levels[samples.particle] + base.oscillation.height(samples.time)
-        whole = np.zeros(0, bool)
-        while not whole.all() or not whole.size:
+        whole = np.zeros(1, bool)
+        while not whole.all():
             fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
             rough = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
             member, fits = _keep_flights(samples, member, fits, below, rough, fall)
@@ -369,7 +368,7 @@ def flights_over(
         noise = rough
         if isinstance(base, BaseFit):
             contact = base.lasting(ends.fall, ends.down)
-        junctions = join(fits, piece, ends, noise, fall, contact)
+        junctions = join(fits, piece, ends, noise, fall, contact, cut.contacts.drag)
         if turn < FIT_ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
         poor = poor_flights(fits, noise)

@@ -15,7 +15,7 @@ from scipy.stats import trim_mean
 
 from vibrosweep.arrays import Array, Flags, Indices
 from vibrosweep.kernels._jit import Floats, kernel
-from vibrosweep.lab.ballistics import Input
+from vibrosweep.lab.ballistics import Input, bend
 
 # -----------------------------------------------------------------------------
 # Samples of tracks, cut at gaps, and the low points between flights.
@@ -505,11 +505,13 @@ def join(
     noise: float,
     gravity: float,
     contact: Array | float = 0.0,
+    drag: float = 0.0,
 ) -> Junctions:
     """Join the neighbouring flights of each piece of track.
 
     `piece` is the index of the piece of each flight, `noise` the standard deviation of a sample
-    (m), `contact` the contact time (s) at the end of each flight.
+    (m), `contact` the contact time (s) at the end of each flight, `drag` (s2 m-2) that taken out of
+    the samples.
     """
     before = np.flatnonzero(np.diff(piece) == 0)
     after = before + 1
@@ -517,6 +519,11 @@ def join(
     contact = np.broadcast_to(contact, down.shape)[before]
     met = meet(fits.take(before), fits.take(after), (down[before] + up[after]) / 2.0, gravity)
     with np.errstate(invalid="ignore", divide="ignore"):
+        since = met.time - fits.centre[[before, after]]
+        low, high = bend(since - fits.slope[[before, after]] / gravity, gravity, drag)
+        later = (low - high) / met.closing
+        falls = fits.slope[before] - gravity * since[0]
+        met = met._replace(time=met.time + later, height=met.height + low + falls * later)
         fall = noise * np.sqrt(line_variance(fits, down)) / ends.fall
         rise = noise * np.sqrt(line_variance(fits, up)) / ends.rise
         miss = (up[after] - down[before] - contact) / np.hypot(fall[before], rise[after])
