@@ -743,12 +743,13 @@ def restitution(
     inputs = replace(inputs, scale_from_gravity=scale_from_gravity)
     whole = recordings_in(recordings)
     used = [_cut(recording, begin, end) for recording in whole]
-    times = np.concatenate([recording.time for recording in whole] or [np.empty(0)])
+    times = np.concatenate([np.empty(0), *(recording.time for recording in whole)])
+    times = times[np.isfinite(times)]
     if times.size and not any(recording.time.size for recording in used):
         low, high = (-np.inf if begin is None else begin), (np.inf if end is None else end)
         raise TrackError(
             f"nothing was recorded from {low:g} to {high:g} s; the recordings last from "
-            f"{np.nanmin(times):.10g} to {np.nanmax(times):.10g} s"
+            f"{times.min():.10g} to {times.max():.10g} s"
         )
     fits: list[FilmFit] = []
     drops, remarks = bounces_of_clicks([r for r in used if r.height is None], inputs)
