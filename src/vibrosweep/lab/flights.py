@@ -357,6 +357,8 @@ PRICE: Final = 25.0
 BENT: Final = 6.0
 # Price of a sample that a parabola of unknown curvature takes from a flight without being tested
 UNJUDGED: Final = 10.0
+# Most samples of such a parabola, because the time for a long rest grows with their number
+MOST_SAMPLES: Final = 2000.0
 NOISE_ROUNDS: Final = 3
 # Least noise, in units of the range of heights: rounding errors of the sums over a piece
 ROUNDED: Final = 1e-6
@@ -376,12 +378,14 @@ def _partition(
     gravity: float,
     terms: int,
     unjudged: float,
+    longest: float,
     starts: Flags,
 ) -> None:
     """Mark the samples at which the polynomials of the best partition begin.
 
     They have so many `terms` beyond the parabola of free fall.  The samples of a piece that has no
-    more of them than terms cost `unjudged` each, except the first.
+    more of them than terms cost `unjudged` each, except the first.  A piece has at most `longest`
+    samples.
     """
     begin = np.empty(time.size, np.int64)  # start of the last piece up to each sample
     cost = np.full(time.size + 1, np.inf)
@@ -407,6 +411,8 @@ def _partition(
                     table[k, j] = cosine * above + sine * below
                     row[j] = cosine * below - sine * above
             count += 1.0
+            if count > longest:
+                break
             free = count - terms
             if free > 0.0:
                 residue += row[terms] ** 2 / variance
@@ -429,7 +435,9 @@ def stretches(samples: Samples, gravity: float | None) -> tuple[Indices, float]:
     Returns the index of the stretch of each sample, increasing, and the standard deviation of a
     sample in m, from the residuals of the parabolas.
     """
-    fall, terms, unjudged = (0.0, 3, UNJUDGED) if gravity is None else (gravity, 2, 0.0)
+    fall, terms, unjudged, longest = (
+        (0.0, 3, UNJUDGED, MOST_SAMPLES) if gravity is None else (gravity, 2, 0.0, np.inf)
+    )
     least = ROUNDED * float(np.ptp(samples.height))
     noise = max(rough_noise(samples) if gravity else moving_noise(samples), least)
     member = np.zeros(samples.time.size, np.intp)
@@ -438,7 +446,7 @@ def stretches(samples: Samples, gravity: float | None) -> tuple[Indices, float]:
         for begin, end in pairwise(samples.bounds):
             piece = slice(begin, end)
             time, height = samples.time[piece], samples.height[piece]
-            _partition(time, height, noise**2, fall, terms, unjudged, starts[piece])
+            _partition(time, height, noise**2, fall, terms, unjudged, longest, starts[piece])
         member = np.cumsum(starts) - 1
         count = int(member[-1]) + 1
         curvature, weight = curvatures(samples, member, count)
