@@ -14,7 +14,7 @@ from vibrosweep.lab.estimation import estimate
 from vibrosweep.lab.experiment import LABORATORY, Camera, Experiment, Variation
 from vibrosweep.lab.fitting import Setup, fit_tracks
 from vibrosweep.lab.flights import contradicts
-from vibrosweep.lab.impacts import find_impacts, impacts_of
+from vibrosweep.lab.impacts import OF_BOUNCES, find_impacts, impacts_of
 from vibrosweep.lab.lines import impact_lines
 from vibrosweep.lab.recordings import Recording
 from vibrosweep.lab.regression import FAR, is_improbable, robust_covariance
@@ -148,6 +148,7 @@ def test_a_restitution_outside_its_range_is_never_reported_as_result():
             "shaken_misfit": 1.0,
             "shaken_freedom": 200,
             "shaken_bounces": 100,
+            **dict.fromkeys(OF_BOUNCES, 0.0),
         },
         coords={"of_base": ["restitution", "S", "C"]},
     )

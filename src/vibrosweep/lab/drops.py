@@ -684,6 +684,9 @@ def restitution(
 ) -> xr.Dataset:
     """Measure the coefficient of restitution of a ball on a floor at rest.
 
+    It is the ratio of the speeds at the end and at the beginning of a contact; gravity during the
+    contact is part of it.
+
     Parameters
     ----------
     recordings
