@@ -228,6 +228,7 @@ RATE: Final = 120.0  # frames per second that are assumed for the drag if they a
 # second share of the positions in flights
 WORSE: Final = 1.5
 EXPLAINED: Final = 0.9
+MOST_STEPS: Final = 50  # of a fit; flights that do not fit one floor take hundreds
 TURNS: Final = 4  # fits, each to the samples in flight according to the previous one
 COMMON: Final = 6  # parameters of all flights: curvature, level, contact, drag, p, drift
 
@@ -325,7 +326,8 @@ class _Problem:
                 weak = (p - self.start) / loose
                 return np.concatenate([left, (p[2:COMMON] - means) / widths, weak])
 
-            found = least_squares(off, p, x_scale=np.maximum(np.abs(p), 1e-3), method="trf")
+            scale = np.maximum(np.abs(p), 1e-3)
+            found = least_squares(off, p, x_scale=scale, max_nfev=MOST_STEPS)
             p = found.x
             left = found.fun[: every.size] * noise
             noise = float(np.sqrt(left @ left / max(every.size - p.size, 1)))
