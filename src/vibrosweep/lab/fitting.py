@@ -372,12 +372,7 @@ def flights_over(
         if turn < FIT_ROUNDS - 1:
             member = assign_samples(samples, piece, junctions, ends, exposure)
         poor = poor_flights(fits, noise)
-        sound = ~(junctions.stayed | junctions.overlapping)
-        sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
-        # a lift-off from rest has no kink: frames before it would distort the flight
-        lifted = np.zeros(poor.size, bool)
-        lifted[junctions.before[junctions.stayed] + 1] = True
-        sound &= ~lifted[junctions.before]
+        sound = _sound(junctions, poor)
         if isinstance(base, Rest):
             base = _refined(base, samples, member, owner, junctions, sound, noise)
             continue
@@ -417,6 +412,16 @@ def flights_over(
         fall,
         base_fit,
     )
+
+
+def _sound(junctions: Junctions, poor: Flags) -> Flags:
+    """Mark the bounces between two flights that are not `poor`."""
+    sound = ~(junctions.stayed | junctions.overlapping)
+    sound &= ~(poor[junctions.before] | poor[junctions.before + 1])
+    # a lift-off from rest has no kink: frames before it would distort the flight
+    lifted = np.zeros(poor.size, bool)
+    lifted[junctions.before[junctions.stayed] + 1] = True
+    return np.asarray(sound & ~lifted[junctions.before])
 
 
 def _levels_below(base_fit: BaseFit, samples: Samples) -> Array:
