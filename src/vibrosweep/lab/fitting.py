@@ -392,10 +392,7 @@ def flights_over(
     if isinstance(base, Rest):
         base_fit, levels, level, error = None, base.levels, base.level, base.error
     else:
-        of_levels = slice(-COUNT - base.levels.size, -COUNT)
-        spread = base.covariance[of_levels, of_levels]
-        base_fit, level = base, float(np.mean(base.levels))
-        error = float(np.sqrt(spread.sum())) / base.levels.size
+        base_fit, (level, error) = base, _mean_level(base)
     return Flights(
         fits,
         piece,
@@ -422,6 +419,13 @@ def _sound(junctions: Junctions, poor: Flags) -> Flags:
     lifted = np.zeros(poor.size, bool)
     lifted[junctions.before[junctions.stayed] + 1] = True
     return np.asarray(sound & ~lifted[junctions.before])
+
+
+def _mean_level(base_fit: BaseFit) -> tuple[float, float]:
+    """Mean of the levels below the particles, and the standard error of a level, m."""
+    of_levels = slice(-COUNT - base_fit.levels.size, -COUNT)
+    spread = base_fit.covariance[of_levels, of_levels]
+    return float(np.mean(base_fit.levels)), float(np.sqrt(spread.sum())) / base_fit.levels.size
 
 
 def _levels_below(base_fit: BaseFit, samples: Samples) -> Array:
