@@ -349,23 +349,10 @@ def flights_over(
             if not near_gravity(fall, inputs.gravity.value):
                 raise TrackError(UNDETERMINED)
         levels = base.levels if isinstance(base, Rest) else _levels_below(base, samples)
-        below = levels[samples.particle] + base.oscillation.height(samples.time)
-        whole = np.zeros(1, bool)
-        while not whole.all():
-            fits = fit_parabolas(samples, member, int(member.max()) + 1, fall)
-            rough = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
-            member, fits = _keep_flights(samples, member, fits, below, rough, fall)
-            start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
-            piece, owner = samples.piece[start], samples.particle[start]
-            ends = _ends(
-                samples, member, fits, levels[owner], base.oscillation, fall, cut.contacts.drag
-            )
-            # two stretches that overlap in time above the base belong to one flight
-            whole = np.ones(piece.size, bool)
-            whole[1:] = (fits.centre[1:] > ends.down[:-1]) & (fits.centre[:-1] < ends.up[1:])
-            whole[1:] |= np.diff(piece) != 0
-            member = np.append(np.cumsum(whole) - 1, -1)[member]
-        noise = rough
+        member, fits, start, ends, noise = _whole_flights(
+            samples, member, base.oscillation, levels, noise, (fall, cut.contacts.drag)
+        )
+        piece, owner = samples.piece[start], samples.particle[start]
         if isinstance(base, BaseFit):
             contact = base.lasting(ends.fall, ends.down)
         junctions = join(fits, piece, ends, noise, fall, contact, cut.contacts.drag)
@@ -409,6 +396,36 @@ def flights_over(
         fall,
         base_fit,
     )
+
+
+def _whole_flights(
+    samples: Samples,
+    member: Indices,
+    base: Oscillation,
+    levels: Array,
+    noise: float,
+    air: tuple[float, float],
+) -> tuple[Indices, Fits, Indices, Ends, float]:
+    """Fit the flights that rise clearly above the base, and find their ends.
+
+    `air` is the acceleration of the flights (m s-2) and the drag (s2 m-2).  Returns the number of
+    the flight of each sample, the fits, the first sample of each flight, the ends, and the noise
+    (m), at most that given.
+    """
+    below = levels[samples.particle] + base.height(samples.time)
+    whole = np.zeros(1, bool)
+    while not whole.all():
+        fits = fit_parabolas(samples, member, int(member.max()) + 1, air[0])
+        found = min(noise, flight_noise(fits, float(np.ptp(samples.height))))
+        member, fits = _keep_flights(samples, member, fits, below, found, air[0])
+        start = np.flatnonzero(np.diff(np.maximum.accumulate(member), prepend=-1))
+        ends = _ends(samples, member, fits, levels[samples.particle[start]], base, *air)
+        # two stretches that overlap in time above the base belong to one flight
+        whole = np.ones(start.size, bool)
+        whole[1:] = (fits.centre[1:] > ends.down[:-1]) & (fits.centre[:-1] < ends.up[1:])
+        whole[1:] |= np.diff(samples.piece[start]) != 0
+        member = np.append(np.cumsum(whole) - 1, -1)[member]
+    return member, fits, start, ends, found
 
 
 def _sound(junctions: Junctions, poor: Flags) -> Flags:
