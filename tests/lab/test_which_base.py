@@ -178,6 +178,17 @@ def test_the_whole_correction_of_a_scale_is_limited(base, error):
     assert not contradicts(flights.gravity, flights.gravity_error, flights.curvature)
 
 
+@pytest.mark.parametrize("error", [0.05, -0.12])
+def test_a_scale_is_corrected_without_noise_too(error):
+    """The smaller the noise, the more a wrong curvature cuts flights into parts."""
+    camera = Camera(frame_rate=240.0, scale_error=error)
+    times = {"transient": 5.0, "duration": 7.0}
+    plan = Experiment(**LABORATORY, **times, particles=1, repeats=1, camera=camera)
+    found = find_impacts(perform_trials(plan)[0].tracks)
+    assert found.attrs["apparent_gravity"] == pytest.approx((1.0 + error) * G, rel=1e-3)
+    assert int(found["impact_count"]) > 20
+
+
 def test_restitutions_that_differ_widen_the_errors_as_their_scatter():
     """Of three particles, fitted by a common restitution; scatter is a component of errors."""
     scene = {**LABORATORY, "restitution": 0.7, "amplitude": 0.2}

@@ -748,15 +748,20 @@ def _over_rest(samples: Samples, gravity: float, setup: Setup) -> Flights:
     for _ in range(SCALES):
         cut = find_contacts(samples, fall)
         base = base_at_rest(samples, cut, setup.base, setup.exposure)
-        flights = flights_over(samples, cut, base, setup.exposure, Inputs(Input(fall)))
-        found, error = flights.gravity, flights.gravity_error
+        try:
+            flights = flights_over(samples, cut, base, setup.exposure, Inputs(Input(fall)))
+            found, error = flights.gravity, flights.gravity_error
+        except TrackError:  # so wrong a curvature cuts all flights into parts
+            found, error = _rough_gravity(samples, setup.base)
+            if not contradicts(found, error, fall):
+                raise
         if not contradicts(found, error, fall):
             return flights
         require_gravity(found, error, gravity)
         fall = found  # parabolas with the wrong curvature would miss the landings
     raise TrackError(
         f"flights fall with {found:.4g} ± {error:.2g} m s-2 when fitted with "
-        f"{flights.curvature:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale fits all "
+        f"{cut.contacts.gravity:.4g} m s-2, and gravity is {gravity:g} m s-2: no scale fits all "
         f"of them; check the heights, or film faster or closer"
     )
 
