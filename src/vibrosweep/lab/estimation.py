@@ -463,6 +463,7 @@ def _why_undetermined(signal: float, values: Array, covariance: Array, misfit: f
 
 def _estimate_moving_base(impacts: xr.Dataset) -> xr.Dataset:
     """Turn the moving base that `find_impacts` fitted into a result of `estimate`."""
+    require(impacts, "estimate", "shaken", *OF_BOUNCES, source="find_impacts")
     values, covariance = impacts["shaken"].values, impacts["shaken_covariance"].values
     of_base = impacts["of_base"].values.astype(str).tolist()
     rate, gravity = float(impacts["shaken_frequency"]), impacts.attrs["gravity"]

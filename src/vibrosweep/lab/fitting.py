@@ -304,9 +304,10 @@ def _levels(base: Rest, meetings: Heights, rests: Heights, quantile: float) -> R
 
 
 # -----------------------------------------------------------------------------
-# Flights over a moving base: cut where they meet it, distinguished from stays by their height.
+# Flights over a base, at rest or moving: cut where they meet it, distinguished from stays by their
+# height.
 #
-# Laws of restitution are then fitted to the contacts, together with the motion of the base.
+# Over a moving one, laws of restitution are fitted to the contacts together with its motion.
 
 FIT_ROUNDS: Final = 3
 # Steps per period of the highest harmonic in the search for the end of a flight, and bisections of
